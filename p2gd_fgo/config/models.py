@@ -1,0 +1,243 @@
+"""The configuration's models: every field with its unit, meaning and bounds.
+
+This module imports neither numpy nor OpenCV: the command line reads the configuration first, so
+that the thread counts can be set before those libraries are loaded.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+Positive = Annotated[float, Field(gt=0)]
+NonNegative = Annotated[float, Field(ge=0)]
+Vector3 = tuple[float, float, float]
+
+
+class Model(BaseModel):
+    """Base of all models: frozen, unknown keys refused, no NaN or infinity."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class DatasetConfig(Model):
+    """Which recording, and which part of it."""
+
+    path: str | None = Field(None, description="folder of the recording")
+    format: Literal["auto", "asl"] = Field("auto", description="auto: guessed from the folder")
+    camera: str = Field("cam0", description="folder of the camera inside an ASL recording")
+    start_s: NonNegative = Field(0.0, description="skip this much at the start")
+    duration_s: Positive | None = Field(None, description="use this much; null: to the end")
+    time_offset_s: float | None = Field(
+        None, description="t_imu = t_cam + offset; null: the recording's own, or 0"
+    )
+    mask: str | None = Field(
+        None, description="grey image of the camera's size; features only where it is not 0"
+    )
+
+
+class ImuConfig(Model):
+    """Noise of the IMU (continuous-time densities) and gravity."""
+
+    gyro_noise_density: Positive | None = Field(
+        None, description="rad/s/sqrt(Hz); null: the recording's calibration"
+    )
+    gyro_random_walk: Positive | None = Field(
+        None, description="rad/s²/sqrt(Hz); null: the recording's calibration"
+    )
+    accel_noise_density: Positive | None = Field(
+        None, description="m/s²/sqrt(Hz); null: the recording's calibration"
+    )
+    accel_random_walk: Positive | None = Field(
+        None, description="m/s³/sqrt(Hz); null: the recording's calibration"
+    )
+    inflation: Positive = Field(1.0, description="factor on all four densities")
+    gravity: Positive = Field(9.81, description="m/s², the world's z axis points up")
+    max_gap_s: Positive = Field(
+        0.1, description="a longer hole between samples is recorded as an event"
+    )
+
+
+class FrontendConfig(Model):
+    """Feature extraction and tracking."""
+
+    max_features: int | None = Field(
+        None, ge=8, le=5000, description="features kept per image; null: by image width"
+    )
+    grid: tuple[Annotated[int, Field(ge=1)], Annotated[int, Field(ge=1)]] | None = Field(
+        None, description="[columns, rows] of cells; null: by image width"
+    )
+    min_distance_px: Positive | None = Field(
+        None, description="between features, in px; null: by image width"
+    )
+    max_track_length: int | None = Field(
+        None, ge=2, description="frames; a track that long is consumed; null: backend.window"
+    )
+    fast_threshold: int = Field(20, ge=2, le=250, description="grey levels, FAST corner test")
+    klt_window_px: int = Field(15, ge=5, le=51, description="side of the KLT patch")
+    klt_levels: int = Field(5, ge=1, le=8, description="pyramid levels")
+    forward_backward_px: Positive = Field(
+        1.0, description="largest distance between a point and its way there and back"
+    )
+    ransac_px: Positive = Field(
+        2.0, description="RANSAC inlier distance, on undistorted points, times the focal length"
+    )
+    equalize: bool = Field(False, description="equalise the histogram of every image")
+    subpixel: bool = Field(True, description="refine new corners below the pixel")
+    predict_flow: bool = Field(True, description="start KLT where the gyro's rotation points")
+
+
+class DistributionConfig(Model):
+    """How the feature quota is spread over the image's cells."""
+
+    kind: Literal["grid"] = Field("grid", description="grid: the same quota in every cell")
+
+
+class PriorsConfig(Model):
+    """Where prior poses come from."""
+
+    source: Literal["none"] = Field("none", description="none: no planner")
+
+
+class StaticStartConfig(Model):
+    """Start from standing still: gravity gives the tilt, the gyro its bias."""
+
+    window_s: Positive = Field(1.0, description="length of standstill needed")
+    max_wait_s: Positive = Field(20.0, description="refuse the recording after this long")
+    sigma_tilt_deg: Positive = Field(1.0, description="roll and pitch, 1 sigma (accel bias)")
+    sigma_velocity: Positive = Field(0.02, description="m/s, 1 sigma")
+    sigma_accel_bias: Positive = Field(0.1, description="m/s², 1 sigma")
+
+
+class GivenStartConfig(Model):
+    """Start from a known state, as in the paper."""
+
+    source: Literal["truth", "config"] = Field("truth", description="where the state comes from")
+    position: Vector3 = Field((0.0, 0.0, 0.0), description="m, source: config")
+    rotation_vector: Vector3 = Field((0.0, 0.0, 0.0), description="rad, world from IMU")
+    velocity: Vector3 = Field((0.0, 0.0, 0.0), description="m/s in the world, source: config")
+    gyro_bias: Vector3 | None = Field(
+        None, description="rad/s; null: from truth where it has one, else 0"
+    )
+    accel_bias: Vector3 | None = Field(
+        None, description="m/s²; null: from truth where it has one, else 0"
+    )
+    sigma_tilt_deg: Positive = Field(0.5, description="roll and pitch, 1 sigma")
+    sigma_yaw_deg: Positive = Field(0.1, description="1 sigma (a free choice of the frame)")
+    sigma_position: Positive = Field(0.01, description="m, 1 sigma (a free choice of the frame)")
+    sigma_velocity: Positive = Field(0.1, description="m/s, 1 sigma")
+    sigma_gyro_bias: Positive = Field(0.005, description="rad/s, 1 sigma")
+    sigma_accel_bias: Positive = Field(0.05, description="m/s², 1 sigma")
+    loosening: Annotated[float, Field(ge=1)] = Field(
+        5.0, description="factor on the sigma of what truth doesn't give and is derived or guessed"
+    )
+    noise: bool = Field(
+        False, description="draw the start's error from these sigmas, by the run's seed"
+    )
+
+
+class InitializationConfig(Model):
+    """How the estimator is started."""
+
+    kind: Literal["static", "given"] = Field(
+        "static", description="static: from a standstill; given: from truth or config"
+    )
+    static: StaticStartConfig = StaticStartConfig()
+    given: GivenStartConfig = GivenStartConfig()
+
+
+class StationaryConfig(Model):
+    """When the body counts as standing still: the IMU and the image must both say so."""
+
+    enabled: bool = Field(True, description="detect standing still while running")
+    window_s: Positive = Field(0.5, description="IMU samples and images looked at")
+    max_gyro_std: Positive = Field(0.01, description="rad/s, standard deviation in the window")
+    max_accel_std: Positive = Field(0.15, description="m/s², standard deviation in the window")
+    max_disparity_px: Positive = Field(0.5, description="median over features, across the window")
+    min_features: int = Field(10, ge=1, description="features needed for the disparity test")
+
+
+class SmootherConfig(Model):
+    """The GTSAM fixed-lag smoother."""
+
+    iterations: int = Field(2, ge=1, le=20, description="Gauss-Newton steps a frame at most")
+    relative_decrease: Positive = Field(
+        1e-2, description="stop when a step is below this many standard deviations"
+    )
+    landmark_distance: Positive = Field(200.0, description="m; farther points are not used")
+    outlier_px: Positive = Field(
+        5.0, description="a track with a larger reprojection error is not used"
+    )
+    gate_probability: Annotated[float, Field(gt=0.5, lt=1)] = Field(
+        0.999, description="chi-square gate of a track when it is marginalised"
+    )
+    fold: bool = Field(
+        True,
+        description="marginalise the observations of the oldest image; false drops them (a fault, "
+        "kept so that its effect can be shown)",
+    )
+    sigma_still_velocity: Positive = Field(0.01, description="m/s, when standing still")
+    sigma_still_position: Positive = Field(0.001, description="m per image, when standing still")
+    sigma_still_rotation_deg: Positive = Field(
+        0.02, description="degrees per image, when standing still"
+    )
+
+
+class BackendConfig(Model):
+    """The estimator behind the front end."""
+
+    kind: Literal["smoother", "dead_reckoning"] = Field(
+        "smoother", description="smoother: GTSAM fixed-lag; dead_reckoning: IMU alone"
+    )
+    window: int = Field(20, ge=3, le=200, description="images in the sliding window")
+    pixel_noise_px: Positive = Field(1.0, description="1 sigma of a feature's position")
+    smoother: SmootherConfig = SmootherConfig()
+
+
+class EvaluationConfig(Model):
+    """How a run is judged against truth."""
+
+    alignment: Literal["yaw_pos", "se3", "sim3", "origin"] = Field(
+        "yaw_pos", description="of the main ATE and ARE; the others are printed beside it"
+    )
+    rte_lengths_m: tuple[Positive, ...] = Field(
+        (1.0, 2.0, 10.0, 50.0, 100.0, 200.0),
+        description="segment lengths of RTE and RRE, on the reference's path; those that fit",
+    )
+    rte_tolerance: Annotated[float, Field(gt=0, lt=1)] = Field(
+        0.1, description="a pair may miss its length by this share"
+    )
+
+
+class RuntimeConfig(Model):
+    """Threads and seed."""
+
+    threads: int = Field(1, ge=1, le=256, description="of OpenCV, BLAS and OpenMP")
+    seed: int = Field(0, ge=0, description="varies what a rerun would vary")
+
+
+class Config(Model):
+    """All of a run."""
+
+    name: str | None = Field(None, description="of the run; null: the recording's folder")
+    dataset: DatasetConfig = DatasetConfig()
+    imu: ImuConfig = ImuConfig()
+    frontend: FrontendConfig = FrontendConfig()
+    distribution: DistributionConfig = DistributionConfig()
+    priors: PriorsConfig = PriorsConfig()
+    initialization: InitializationConfig = InitializationConfig()
+    stationary: StationaryConfig = StationaryConfig()
+    backend: BackendConfig = BackendConfig()
+    evaluation: EvaluationConfig = EvaluationConfig()
+    runtime: RuntimeConfig = RuntimeConfig()
+
+    @model_validator(mode="after")
+    def _tracks_fit_the_window(self) -> Config:
+        length = self.frontend.max_track_length
+        if length is not None and length > self.backend.window:
+            raise ValueError(
+                f"frontend.max_track_length is {length}, but backend.window holds only "
+                f"{self.backend.window} images: give at most that"
+            )
+        return self

@@ -1,0 +1,97 @@
+"""What every recording looks like to the pipeline."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from p2gd_fgo.geometry.camera import Camera
+from p2gd_fgo.types import Event, FloatArray, Image, ImuBatch, IntArray, Truth
+
+
+@dataclass(frozen=True, slots=True)
+class ImuNoise:
+    """Continuous-time noise densities of an IMU.
+
+    Attributes
+    ----------
+    gyro_noise_density
+        rad/s/√Hz.
+    gyro_random_walk
+        rad/s²/√Hz, of the bias.
+    accel_noise_density
+        m/s²/√Hz.
+    accel_random_walk
+        m/s³/√Hz, of the bias.
+    """
+
+    gyro_noise_density: float
+    gyro_random_walk: float
+    accel_noise_density: float
+    accel_random_walk: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Calibration:
+    """The sensors of a recording.
+
+    Attributes
+    ----------
+    camera
+        Intrinsics and distortion.
+    T_imu_cam
+        (4, 4) takes camera points to the IMU frame.
+    imu_noise
+        Densities, or None where the recording doesn't say.
+    time_offset_s
+        t_imu = t_cam + offset.
+    """
+
+    camera: Camera
+    T_imu_cam: FloatArray
+    imu_noise: ImuNoise | None
+    time_offset_s: float = 0.0
+
+
+class Sequence(Protocol):
+    """A recording: stamps, IMU and truth in memory, images read one at a time."""
+
+    @property
+    def name(self) -> str:
+        """Short name for tables."""
+        ...
+
+    @property
+    def calibration(self) -> Calibration:
+        """The sensors."""
+        ...
+
+    @property
+    def image_stamps_ns(self) -> IntArray:
+        """(N,) strictly increasing, on the camera's clock."""
+        ...
+
+    @property
+    def imu(self) -> ImuBatch:
+        """All samples, strictly increasing in time."""
+        ...
+
+    @property
+    def truth(self) -> Truth | None:
+        """The reference, in the IMU frame, or None."""
+        ...
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        """What was mended while reading (duplicates dropped and the like)."""
+        ...
+
+    def image(self, index: int) -> Image:
+        """Decode image ``index`` as (H, W) grey.
+
+        Raises
+        ------
+        DataError
+            The file is missing or can't be decoded.
+        """
+        ...

@@ -1,0 +1,1 @@
+"""Rotations, poses, cameras and triangulation, batched over arrays."""
