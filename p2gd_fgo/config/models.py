@@ -105,9 +105,14 @@ class StaticStartConfig(Model):
 
     window_s: Positive = Field(1.0, description="length of standstill needed")
     max_wait_s: Positive = Field(20.0, description="refuse the recording after this long")
-    sigma_tilt_deg: Positive = Field(1.0, description="roll and pitch, 1 sigma (accel bias)")
+    sigma_yaw_deg: Positive = Field(0.1, description="1 sigma (a free choice of the frame)")
+    sigma_position: Positive = Field(0.01, description="m, 1 sigma (a free choice of the frame)")
     sigma_velocity: Positive = Field(0.02, description="m/s, 1 sigma")
-    sigma_accel_bias: Positive = Field(0.1, description="m/s², 1 sigma")
+    sigma_gyro_bias: Positive = Field(0.001, description="rad/s, 1 sigma, of the gyro's mean")
+    sigma_accel_bias: Positive = Field(
+        0.1, description="m/s², 1 sigma; with gravity's direction it decides roll and pitch"
+    )
+    sigma_gravity: Positive = Field(0.02, description="m/s², 1 sigma, of the accelerometer's mean")
 
 
 class GivenStartConfig(Model):
@@ -162,8 +167,8 @@ class SmootherConfig(Model):
     """The GTSAM fixed-lag smoother."""
 
     iterations: int = Field(2, ge=1, le=20, description="Gauss-Newton steps a frame at most")
-    relative_decrease: Positive = Field(
-        1e-2, description="stop when a step is below this many standard deviations"
+    step_tolerance: Positive = Field(
+        0.1, description="stop after a step below this many standard deviations (RMS over states)"
     )
     landmark_distance: Positive = Field(200.0, description="m; farther points are not used")
     outlier_px: Positive = Field(
@@ -171,11 +176,6 @@ class SmootherConfig(Model):
     )
     gate_probability: Annotated[float, Field(gt=0.5, lt=1)] = Field(
         0.999, description="chi-square gate of a track when it is marginalised"
-    )
-    fold: bool = Field(
-        True,
-        description="marginalise the observations of the oldest image; false drops them (a fault, "
-        "kept so that its effect can be shown)",
     )
     sigma_still_velocity: Positive = Field(0.01, description="m/s, when standing still")
     sigma_still_position: Positive = Field(0.001, description="m per image, when standing still")

@@ -25,7 +25,7 @@ def hat(v: FloatArray) -> FloatArray:
 
 
 def _coefficients(theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """sin θ/θ, (1 − cos θ)/θ², (θ − sin θ)/θ³, with their series near zero."""
+    """The three series sin θ/θ, (1 − cos θ)/θ², (θ − sin θ)/θ³, with their series near zero."""
     small = theta < _SMALL_ANGLE
     t = np.where(small, 1.0, theta)
     t2 = theta * theta
@@ -74,6 +74,23 @@ def right_jacobian_inverse(phi: FloatArray) -> FloatArray:
     )
     K = hat(phi)
     return np.asarray(np.eye(3) + 0.5 * K + d[..., None, None] * (K @ K))
+
+
+def second_integral(phi: FloatArray) -> FloatArray:
+    """Γ₂ (..., 3, 3): ∫₀¹∫₀ˢ Exp(τ φ) dτ ds, so that p gains R Γ₂ a dt² under constant ω and a."""
+    phi = np.asarray(phi, dtype=np.float64)
+    theta = np.linalg.norm(phi, axis=-1)
+    _, _, c = _coefficients(theta)
+    small = theta < 1e-2  # the closed form loses digits to cancellation long before the others
+    t = np.where(small, 1.0, theta)
+    t2 = theta * theta
+    d = np.where(
+        small,
+        1.0 / 24.0 - t2 / 720.0 + t2 * t2 / 40320.0,
+        (t * t + 2.0 * np.cos(t) - 2.0) / (2.0 * t**4),
+    )
+    K = hat(phi)
+    return np.asarray(0.5 * np.eye(3) + c[..., None, None] * K + d[..., None, None] * (K @ K))
 
 
 def from_quaternion(q: FloatArray, *, w_first: bool = False) -> FloatArray:

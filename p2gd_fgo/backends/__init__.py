@@ -1,0 +1,1 @@
+"""Estimators behind one contract (:mod:`p2gd_fgo.backends.base`)."""

@@ -1,0 +1,73 @@
+"""The contract that every back end answers."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from p2gd_fgo.errors import EstimatorError
+from p2gd_fgo.types import Estimate, FloatArray, ImuBatch, NavState, Observations, Trajectory
+
+ERROR_DIM = 15
+"""Size of the error (δθ, δp, δv, δb_g, δb_a) of a state; see :class:`p2gd_fgo.types.Estimate`."""
+
+_MAX_SPEED = 100.0  # m/s; nothing that carries a camera on wheels or rotors goes faster
+_MAX_ACCEL_BIAS = 5.0  # m/s²
+_MAX_GYRO_BIAS = 1.0  # rad/s
+
+
+class Backend(Protocol):
+    """A sliding-window estimator of the IMU's state.
+
+    The order of calls is ``start``, then ``propagate`` and ``update`` once an image, then
+    ``finish``. A back end that can't go on raises :class:`EstimatorError`.
+    """
+
+    def start(self, state: NavState, covariance: FloatArray) -> None:
+        """Begin at ``state`` with error covariance (15, 15)."""
+        ...
+
+    def propagate(self, imu: ImuBatch) -> NavState:
+        """Predict the state at the end of ``imu``, whose first sample is at the last state."""
+        ...
+
+    def update(self, observations: Observations, stationary: bool) -> Estimate:
+        """Use the image at the predicted state's time; the first call may follow ``start``."""
+        ...
+
+    def finish(self) -> Trajectory:
+        """All poses as they left the window (lag-smoothed), oldest first."""
+        ...
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Observations by what became of them, and other counters for the report."""
+        ...
+
+
+def check_sane(estimate: Estimate) -> None:
+    """Refuse an estimate that no vehicle could have.
+
+    Raises
+    ------
+    EstimatorError
+        A number is not finite, the covariance is not positive, or speed or biases are absurd.
+    """
+    state = estimate.state
+    numbers = (state.T_world_imu, state.velocity, state.gyro_bias, state.accel_bias)
+    if not all(np.isfinite(a).all() for a in (*numbers, estimate.covariance)):
+        raise EstimatorError(state.stamp_ns, "the estimate is not finite: the estimator diverged")
+    if (np.diagonal(estimate.covariance) <= 0.0).any():
+        raise EstimatorError(state.stamp_ns, "the covariance is not positive: diverged")
+    for value, limit, name, unit in (
+        (state.velocity, _MAX_SPEED, "speed", "m/s"),
+        (state.accel_bias, _MAX_ACCEL_BIAS, "accelerometer bias", "m/s²"),
+        (state.gyro_bias, _MAX_GYRO_BIAS, "gyroscope bias", "rad/s"),
+    ):
+        size = float(np.linalg.norm(value))
+        if size > limit:
+            raise EstimatorError(
+                state.stamp_ns,
+                f"the estimated {name} is {size:.3g} {unit}, beyond {limit:g}: diverged",
+            )

@@ -1,0 +1,118 @@
+"""Smart projection factors of the tracks seen in the window, and the account of observations.
+
+Each observation is in exactly one factor. When the oldest image leaves, the factors that saw it
+are taken out whole (folded into the prior); if such a track is seen again, its later sightings
+start a factor of their own. So an observation is marginalised or reused, never both, and lost
+only when a gate rejected it, which is counted.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+
+import gtsam
+from gtsam.symbol_shorthand import X
+from scipy.stats import chi2
+
+from p2gd_fgo.config import SmootherConfig
+from p2gd_fgo.geometry.camera import Camera
+from p2gd_fgo.types import FloatArray, Observations
+
+_STATUS_NAMES = {
+    gtsam.TriangulationResult.Status.DEGENERATE: "rejected_degenerate",
+    gtsam.TriangulationResult.Status.BEHIND_CAMERA: "rejected_behind_camera",
+    gtsam.TriangulationResult.Status.OUTLIER: "rejected_outlier",
+    gtsam.TriangulationResult.Status.FAR_POINT: "rejected_far",
+}
+
+
+@dataclass(slots=True, eq=False)
+class Track:
+    """One landmark's sightings: the factor and the frame numbers in it."""
+
+    factor: gtsam.SmartProjectionPoseFactorCal3_S2
+    frames: list[int] = field(default_factory=list)
+
+
+class TrackFactors:
+    """The live factors.
+
+    Measurements are undistorted pixels (normalised coordinates through the pinhole part of the
+    camera): GTSAM's own distortion model has no third radial coefficient.
+    """
+
+    def __init__(
+        self, camera: Camera, T_imu_cam: FloatArray, pixel_noise_px: float, config: SmootherConfig
+    ) -> None:
+        self._scale = (camera.fx, camera.fy)
+        self._K = gtsam.Cal3_S2(camera.fx, camera.fy, 0.0, 0.0, 0.0)
+        self._noise = gtsam.noiseModel.Isotropic.Sigma(2, pixel_noise_px)
+        self._body_P_cam = gtsam.Pose3(T_imu_cam)
+        params = gtsam.SmartProjectionParams(
+            gtsam.LinearizationMode.HESSIAN,
+            gtsam.DegeneracyMode.ZERO_ON_DEGENERACY,
+            False,  # throw on points behind the camera
+            False,  # verbose
+            1e-3,  # retriangulate when the cameras moved by more than this
+        )
+        params.setLandmarkDistanceThreshold(config.landmark_distance)
+        params.setDynamicOutlierRejectionThreshold(config.outlier_px)
+        self._params = params
+        self._gate = config.gate_probability
+        self._gates: dict[int, float] = {}
+        self._tracks: dict[int, Track] = {}
+        self.counts: Counter[str] = Counter()
+
+    def add(self, observations: Observations, frame: int) -> None:
+        """Sightings of an image, frame being its number."""
+        measured = observations.normalized * self._scale
+        key = X(frame)
+        for track_id, z in zip(observations.ids.tolist(), measured, strict=True):
+            track = self._tracks.get(track_id)
+            if track is None:
+                track = Track(
+                    gtsam.SmartProjectionPoseFactorCal3_S2(
+                        self._noise, self._K, self._body_P_cam, self._params
+                    )
+                )
+                self._tracks[track_id] = track
+            track.factor.add(z, key)
+            track.frames.append(frame)
+
+    def usable(self) -> list[gtsam.SmartProjectionPoseFactorCal3_S2]:
+        """Factors with two sightings or more."""
+        return [t.factor for t in self._tracks.values() if len(t.frames) > 1]
+
+    def take_starting_at(self, frame: int) -> list[Track]:
+        """Remove and return the tracks whose first sighting is ``frame``."""
+        ids = [i for i, t in self._tracks.items() if t.frames[0] == frame]
+        return [self._tracks.pop(i) for i in ids]
+
+    def accept(self, tracks: list[Track], values: gtsam.Values) -> list[Track]:
+        """Those that may enter the prior; the others are counted under the gate's name."""
+        accepted = []
+        for track in tracks:
+            verdict = self._verdict(track, values)
+            self.counts[verdict] += len(track.frames)
+            if verdict == "marginalized":
+                accepted.append(track)
+        return accepted
+
+    def live_observations(self) -> int:
+        """Sightings that are in the window's factors."""
+        return sum(len(t.frames) for t in self._tracks.values())
+
+    def _verdict(self, track: Track, values: gtsam.Values) -> str:
+        n = len(track.frames)
+        if n < 2:
+            return "single_view"
+        result = track.factor.point(values)
+        if not result.valid():
+            return _STATUS_NAMES[result.status]
+        # error() is half the squared Mahalanobis norm of 2 n residuals less 3 for the point.
+        if n not in self._gates:
+            self._gates[n] = float(chi2.ppf(self._gate, 2 * n - 3))
+        return "marginalized" if 2.0 * track.factor.error(values) < self._gates[n] else (
+            "rejected_chi_square"
+        )

@@ -1,0 +1,9 @@
+"""Feature extraction and tracking: images in, observations of tracks out."""
+
+from __future__ import annotations
+
+from p2gd_fgo.frontend.cells import CellGrid
+from p2gd_fgo.frontend.features import FeatureBuffer
+from p2gd_fgo.frontend.frontend import Frontend, TrackSummary
+
+__all__ = ["CellGrid", "FeatureBuffer", "Frontend", "TrackSummary"]

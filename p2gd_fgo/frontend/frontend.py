@@ -1,0 +1,234 @@
+"""The front end: track, reject, extract (paper III-A, III-C2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeVar
+
+import cv2
+import numpy as np
+
+from p2gd_fgo.config import FrontendConfig
+from p2gd_fgo.errors import ConfigError, DataError
+from p2gd_fgo.frontend.cells import CellGrid
+from p2gd_fgo.frontend.detector import CornerDetector, pixel_values
+from p2gd_fgo.frontend.features import FeatureBuffer
+from p2gd_fgo.frontend.outliers import motion_inliers
+from p2gd_fgo.frontend.tracker import KltTracker
+from p2gd_fgo.geometry.camera import Camera
+from p2gd_fgo.types import BoolArray, FloatArray, Image, IntArray, Observations
+
+_THRESHOLD_OFFSETS = (0, 1, -1)  # of the FAST threshold, by seed modulo 3
+_MIN_DEPTH = 1e-2  # of a rotated unit-depth ray; beyond, there is no prediction
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class TrackSummary:
+    """What became of the previous image's features.
+
+    Attributes
+    ----------
+    tracked
+        Found again and kept.
+    consumed
+        Reached the maximum length in the previous image; tracked or lost like any other if they
+        are continued.
+    lost_klt, lost_forward_backward, lost_outside, lost_outlier
+        Not found; not found on the way back; left the image or went under the mask; against the
+        motion of the rest.
+    """
+
+    tracked: int = 0
+    consumed: int = 0
+    lost_klt: int = 0
+    lost_forward_backward: int = 0
+    lost_outside: int = 0
+    lost_outlier: int = 0
+
+
+class Frontend:
+    """Tracks features from image to image and finds new ones where quotas ask for them.
+
+    Per image: :meth:`track`, then the caller decides on quotas, :meth:`extract`, then
+    :meth:`observations`.
+
+    Parameters
+    ----------
+    camera
+        Intrinsics and distortion.
+    config
+        Resolved: no field is None.
+    seed
+        Varies what a rerun would vary: the FAST threshold by at most 1, and the order of the
+        points before RANSAC. The same seed on the same images gives the same features.
+    mask
+        Grey image of the camera's size; features only where it is not 0.
+    continue_consumed
+        Whether the corner of a track at the maximum length is followed further, as a new track
+        from the next image on; otherwise its place is free for a new corner.
+
+    Attributes
+    ----------
+    buffer
+        The features of the newest image and their past.
+    grid
+        The cells that quotas are for.
+
+    Raises
+    ------
+    ConfigError
+        The configuration is not resolved.
+    DataError
+        The mask does not have the camera's size.
+    """
+
+    def __init__(
+        self,
+        camera: Camera,
+        config: FrontendConfig,
+        seed: int,
+        mask: Image | None = None,
+        *,
+        continue_consumed: bool = False,
+    ) -> None:
+        columns, rows = _resolved(config.grid, "grid")
+        max_length = _resolved(config.max_track_length, "max_track_length")
+        if mask is not None and mask.shape != (camera.height, camera.width):
+            raise DataError(
+                f"dataset.mask is an image of shape {mask.shape}, but must be grey and "
+                f"{camera.width}x{camera.height} as the camera's images"
+            )
+        self._camera = camera
+        self._config = config
+        self._max_features = _resolved(config.max_features, "max_features")
+        self._focal_px = float(np.sqrt(camera.fx * camera.fy))
+        self._rng = np.random.default_rng(seed)
+        self._allowed: BoolArray | None = None if mask is None else mask != 0
+        self._continue_consumed = continue_consumed
+        self._image: Image | None = None
+        self._stamp_ns = -1
+        self._tracker = KltTracker(
+            config.klt_window_px, config.klt_levels, config.forward_backward_px
+        )
+        self.grid = CellGrid(columns, rows, camera.width, camera.height)
+        self._detector = CornerDetector(
+            self.grid,
+            fast_threshold=config.fast_threshold + _THRESHOLD_OFFSETS[seed % 3],
+            min_distance_px=_resolved(config.min_distance_px, "min_distance_px"),
+            border_px=config.klt_window_px // 2 + 1,
+            subpixel=config.subpixel,
+            allowed=self._allowed,
+        )
+        self.buffer = FeatureBuffer(max_length)
+
+    def track(self, stamp_ns: int, image: Image, R_cam_prev: FloatArray | None) -> TrackSummary:
+        """Find the previous image's features in a new one.
+
+        Parameters
+        ----------
+        stamp_ns
+            Time of the image on the IMU's clock.
+        image
+            (height, width) grey.
+        R_cam_prev
+            (3, 3) takes vectors of the previous camera frame to the current one, as the IMU
+            predicts; None where nothing is known.
+
+        Raises
+        ------
+        DataError
+            The image does not have the camera's size.
+        """
+        previous, self._image, self._stamp_ns = self._image, self._prepared(image), stamp_ns
+        buffer = self.buffer
+        complete = buffer.lengths >= buffer.history
+        if self._continue_consumed:
+            buffer.rename(complete)
+        else:
+            buffer.keep(~complete)
+        consumed = int(complete.sum())
+        count = len(buffer)
+        if previous is None or count == 0:
+            buffer.advance(stamp_ns, buffer.pixels, buffer.normalized)
+            return TrackSummary(consumed=consumed)
+
+        guess = self._predicted(R_cam_prev) if self._config.predict_flow else None
+        flow = self._tracker.track(previous, self._image, buffer.pixels, guess)
+        inside = flow.consistent & self._permitted(flow.pixels)
+        normalized = self._camera.undistort(flow.pixels[inside])
+        inlier = motion_inliers(
+            buffer.normalized[inside],
+            normalized,
+            R_cam_prev,
+            self._focal_px,
+            self._config.ransac_px,
+            self._rng,
+        )
+        buffer.keep(inside)
+        buffer.keep(inlier)
+        buffer.advance(stamp_ns, flow.pixels[inside][inlier], normalized[inlier])
+        found, consistent = int(flow.found.sum()), int(flow.consistent.sum())
+        return TrackSummary(
+            tracked=len(buffer),
+            consumed=consumed,
+            lost_klt=count - found,
+            lost_forward_backward=found - consistent,
+            lost_outside=consistent - int(inside.sum()),
+            lost_outlier=len(inlier) - len(buffer),
+        )
+
+    def extract(self, quotas: IntArray) -> int:
+        """Add new features of the current image where cells hold fewer than quotas (rows, columns).
+
+        Returns
+        -------
+        int
+            Their number; with the tracked ones at most ``max_features``.
+        """
+        if self._image is None:
+            raise ValueError("extract() needs an image: call track() first")
+        if quotas.shape != self.grid.shape:
+            raise ValueError(f"quotas have shape {quotas.shape}, the grid {self.grid.shape}")
+        new = self._detector.detect(self._image, self.buffer.pixels, quotas, self._max_features)
+        self.buffer.add(new, self._camera.undistort(new))
+        return len(new)
+
+    def observations(self) -> Observations:
+        """All features of the current image, tracked and new."""
+        buffer = self.buffer
+        return Observations(
+            self._stamp_ns, buffer.ids.copy(), buffer.pixels.copy(), buffer.normalized.copy()
+        )
+
+    def _prepared(self, image: Image) -> Image:
+        size = (self._camera.height, self._camera.width)
+        if image.shape != size:
+            raise DataError(
+                f"an image has shape {image.shape}, but the camera's calibration says {size}: "
+                "give grey images of that size"
+            )
+        image = np.ascontiguousarray(image)
+        return np.asarray(cv2.equalizeHist(image)) if self._config.equalize else image
+
+    def _predicted(self, R_cam_prev: FloatArray | None) -> FloatArray | None:
+        """Where the features' pixels (N, 2) would be if the camera had only rotated."""
+        if R_cam_prev is None:
+            return None
+        here = self.buffer.normalized
+        rays = here @ R_cam_prev[:, :2].T + R_cam_prev[:, 2]
+        x, y = (rays[:, :2] / np.maximum(rays[:, 2:], _MIN_DEPTH)).T
+        usable = (rays[:, 2] > _MIN_DEPTH) & (np.hypot(x, y) < self._camera.max_radius)
+        pixels = self._camera.distort(np.where(usable[:, None], np.column_stack([x, y]), here))
+        return np.where(usable[:, None], pixels, self.buffer.pixels)
+
+    def _permitted(self, pixels: FloatArray) -> BoolArray:
+        inside = self._camera.inside(pixels)
+        return inside if self._allowed is None else inside & pixel_values(self._allowed, pixels)
+
+
+def _resolved(value: T | None, name: str) -> T:
+    if value is None:
+        raise ConfigError(f"frontend.{name} is null: resolve the configuration for the image first")
+    return value

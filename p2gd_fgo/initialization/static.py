@@ -1,0 +1,108 @@
+"""Start from a standstill: gravity gives roll and pitch, the gyro's mean its bias."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from p2gd_fgo.backends.base import ERROR_DIM
+from p2gd_fgo.config import StaticStartConfig, StationaryConfig
+from p2gd_fgo.errors import InitializationError
+from p2gd_fgo.frontend import FeatureBuffer
+from p2gd_fgo.geometry.pose import from_rotation_translation
+from p2gd_fgo.geometry.so3 import hat
+from p2gd_fgo.imu import between
+from p2gd_fgo.initialization.base import Start
+from p2gd_fgo.initialization.stationary import Stillness, stillness
+from p2gd_fgo.types import NANOSECONDS, FloatArray, ImuBatch, NavState, Waiting
+
+
+class StaticStart:
+    """Waits for a standstill, at most ``max_wait_s`` of data.
+
+    The world's origin is where the body stands, its x axis points where the body's x axis does.
+    """
+
+    def __init__(
+        self, config: StaticStartConfig, stationary: StationaryConfig, gravity: float
+    ) -> None:
+        self._config = config
+        self._stationary = stationary
+        self._gravity = gravity
+        self._first_ns: int | None = None
+        self._last_ns = 0
+        self._best: Stillness | None = None
+
+    def attempt(self, stamp_ns: int, imu: ImuBatch, buffer: FeatureBuffer) -> Start | Waiting:
+        """Start if the last ``window_s`` were still."""
+        if self._first_ns is None:
+            self._first_ns = stamp_ns
+        self._last_ns = stamp_ns
+        window_s = self._config.window_s
+        now = stillness(stamp_ns, imu, buffer, window_s, self._stationary)
+        if now.still:
+            part = between(imu, stamp_ns - int(window_s * NANOSECONDS), stamp_ns)
+            state, covariance = level_state(part, self._config, self._gravity)
+            waited = (stamp_ns - self._first_ns) / NANOSECONDS
+            return Start(state, covariance, f"static, after {waited:.1f} s")
+        if now.covered and (self._best is None or now.score < self._best.score):
+            self._best = now
+        if (stamp_ns - self._first_ns) / NANOSECONDS > self._config.max_wait_s:
+            raise self.refusal()
+        return Waiting(stamp_ns, f"waiting for {window_s:g} s of standstill")
+
+    def refusal(self) -> InitializationError:
+        """The stillest window beside the thresholds."""
+        waited = (self._last_ns - (self._first_ns or self._last_ns)) / NANOSECONDS
+        window_s = self._config.window_s
+        if self._best is None:
+            return InitializationError(
+                f"the static start found no {window_s:g} s of IMU data and images in {waited:.1f} s"
+            )
+        return InitializationError(
+            f"the static start found no standstill of {window_s:g} s in {waited:.1f} s: the "
+            f"stillest had {self._best.describe(self._stationary)}; if the recording starts in "
+            "motion, give a state with initialization.kind=given"
+        )
+
+
+def level_state(
+    imu: ImuBatch, config: StaticStartConfig, gravity: float
+) -> tuple[NavState, FloatArray]:
+    """State and covariance (15, 15) from samples at rest.
+
+    The mean specific force is R^T g + b_a + noise. Its direction gives the tilt; the accelerometer
+    bias stays zero with the prior's sigma, and one Kalman update of the covariance makes the tilt
+    and the bias as correlated as they are.
+    """
+    mean_force = imu.accel.mean(axis=0)
+    up = mean_force / np.linalg.norm(mean_force)
+    x_axis = np.array([1.0, 0.0, 0.0]) if abs(up[0]) < 0.9 else np.array([0.0, 0.0, 1.0])
+    forward = x_axis - up * (up @ x_axis)
+    forward /= np.linalg.norm(forward)
+    R_world_imu = np.stack([forward, np.cross(up, forward), up])
+
+    P = np.zeros((ERROR_DIM, ERROR_DIM))
+    any_tilt = 1.0  # rad, before gravity is looked at
+    P[0:3, 0:3] = any_tilt**2 * (np.eye(3) - np.outer(up, up))
+    P[0:3, 0:3] += np.radians(config.sigma_yaw_deg) ** 2 * np.outer(up, up)
+    sigmas = (
+        config.sigma_position, config.sigma_velocity,
+        config.sigma_gyro_bias, config.sigma_accel_bias,
+    )  # fmt: skip
+    P[range(3, ERROR_DIM), range(3, ERROR_DIM)] = np.repeat(sigmas, 3) ** 2
+    H = np.zeros((3, ERROR_DIM))
+    H[:, 0:3] = hat(gravity * up)
+    H[:, 12:15] = np.eye(3)
+    noise = config.sigma_gravity**2 * np.eye(3)
+    K = np.linalg.solve(H @ P @ H.T + noise, H @ P).T
+    A = np.eye(ERROR_DIM) - K @ H
+    P = A @ P @ A.T + K @ noise @ K.T
+
+    state = NavState(
+        int(imu.stamps_ns[-1]),
+        from_rotation_translation(R_world_imu, np.zeros(3)),
+        np.zeros(3),
+        imu.gyro.mean(axis=0),
+        np.zeros(3),
+    )
+    return state, P

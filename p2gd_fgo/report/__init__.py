@@ -1,0 +1,3 @@
+"""What a reader sees of a run: tables and figures."""
+
+from __future__ import annotations

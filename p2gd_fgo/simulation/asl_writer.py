@@ -1,0 +1,146 @@
+"""Write a recording as an ASL folder, as EuRoC's: images, IMU and truth under ``mav0``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import yaml
+
+from p2gd_fgo.datasets.base import Calibration
+from p2gd_fgo.geometry.camera import Camera, RadTanCamera
+from p2gd_fgo.geometry.so3 import to_quaternion
+from p2gd_fgo.types import NANOSECONDS, FloatArray, Image, ImuBatch, IntArray, Truth
+
+_PNG_COMPRESSION = 2  # more costs time and saves little: the sensor's noise doesn't compress
+_CAMERA_HEADER = "#timestamp [ns],filename"
+_IMU_HEADER = "#timestamp [ns]," + ",".join(
+    [f"w_RS_S_{a} [rad s^-1]" for a in "xyz"] + [f"a_RS_S_{a} [m s^-2]" for a in "xyz"]
+)
+_TRUTH_HEADER = "#timestamp [ns]," + ",".join(
+    [f"p_RS_R_{a} [m]" for a in "xyz"]
+    + [f"q_RS_{a} []" for a in "wxyz"]
+    + [f"v_RS_R_{a} [m s^-1]" for a in "xyz"]
+    + [f"b_w_RS_S_{a} [rad s^-1]" for a in "xyz"]
+    + [f"b_a_RS_S_{a} [m s^-2]" for a in "xyz"]
+)
+
+
+def write_asl(
+    folder: Path,
+    calibration: Calibration,
+    image_stamps_ns: IntArray,
+    images: Iterable[Image],
+    imu: ImuBatch,
+    truth: Truth,
+) -> None:
+    """Write ``folder``/mav0, image by image.
+
+    Parameters
+    ----------
+    calibration
+        Its time offset must be zero, the format has no place for one.
+    image_stamps_ns, images
+        (N,) and N grey images, drawn from the iterable one at a time.
+    truth
+        With velocity and biases; usually at the IMU's rate.
+
+    Raises
+    ------
+    ValueError
+        A time offset; truth without velocity or biases; fewer or more images than stamps.
+    """
+    if calibration.time_offset_s != 0.0:
+        raise ValueError("an ASL folder can't hold a time offset")
+    camera, inertial, reference = (
+        folder / "mav0" / name for name in ("cam0", "imu0", "state_groundtruth_estimate0")
+    )
+    for path in (camera / "data", inertial, reference):
+        path.mkdir(parents=True)
+    rows = [_CAMERA_HEADER]
+    for stamp, image in zip(image_stamps_ns, images, strict=True):
+        rows.append(f"{stamp},{stamp}.png")
+        _, encoded = cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, _PNG_COMPRESSION])
+        (camera / "data" / f"{stamp}.png").write_bytes(encoded.tobytes())
+    (camera / "data.csv").write_text("\n".join(rows) + "\n", encoding="ascii")
+    _write_yaml(camera / "sensor.yaml", _camera_sensor(calibration, image_stamps_ns))
+    _write_csv(inertial / "data.csv", _IMU_HEADER, imu.stamps_ns, np.hstack([imu.gyro, imu.accel]))
+    _write_yaml(inertial / "sensor.yaml", _imu_sensor(calibration, imu))
+    _write_csv(
+        reference / "data.csv", _TRUTH_HEADER, truth.trajectory.stamps_ns, _truth_columns(truth)
+    )
+    _write_yaml(
+        reference / "sensor.yaml",
+        {"sensor_type": "visual-inertial", "T_BS": _matrix(np.eye(4))},
+    )
+
+
+def _truth_columns(truth: Truth) -> FloatArray:
+    if truth.velocity is None or truth.gyro_bias is None or truth.accel_bias is None:
+        raise ValueError("an ASL truth needs velocity and biases")
+    T = truth.trajectory.T_world_imu
+    quaternion = np.roll(to_quaternion(T[:, :3, :3]), 1, axis=-1)
+    return np.hstack([T[:, :3, 3], quaternion, truth.velocity, truth.gyro_bias, truth.accel_bias])
+
+
+def _camera_sensor(calibration: Calibration, stamps_ns: IntArray) -> dict[str, object]:
+    camera: Camera = calibration.camera
+    return {
+        "sensor_type": "camera",
+        "T_BS": _matrix(calibration.T_imu_cam),
+        "rate_hz": _rate_hz(stamps_ns),
+        "resolution": [camera.width, camera.height],
+        "camera_model": "pinhole",
+        "intrinsics": [camera.fx, camera.fy, camera.cx, camera.cy],
+        **_distortion(camera),
+    }
+
+
+def _distortion(camera: Camera) -> dict[str, object]:
+    if isinstance(camera, RadTanCamera):
+        coefficients = [camera.k1, camera.k2, camera.p1, camera.p2]
+        return {
+            "distortion_model": "radial-tangential",
+            "distortion_coefficients": coefficients + ([camera.k3] if camera.k3 else []),
+        }
+    coefficients = [getattr(camera, f"k{i}") for i in range(1, 5)]
+    return {"distortion_model": "equidistant", "distortion_coefficients": coefficients}
+
+
+def _imu_sensor(calibration: Calibration, imu: ImuBatch) -> dict[str, object]:
+    sensor: dict[str, object] = {
+        "sensor_type": "imu",
+        "T_BS": _matrix(np.eye(4)),
+        "rate_hz": _rate_hz(imu.stamps_ns),
+    }
+    noise = calibration.imu_noise
+    if noise is not None:
+        sensor |= {
+            "gyroscope_noise_density": noise.gyro_noise_density,
+            "gyroscope_random_walk": noise.gyro_random_walk,
+            "accelerometer_noise_density": noise.accel_noise_density,
+            "accelerometer_random_walk": noise.accel_random_walk,
+        }
+    return sensor
+
+
+def _rate_hz(stamps_ns: IntArray) -> int:
+    return round(NANOSECONDS / float(np.median(np.diff(stamps_ns))))
+
+
+def _matrix(T: FloatArray) -> dict[str, object]:
+    return {"cols": 4, "rows": 4, "data": [float(x) for x in T.ravel()]}
+
+
+def _write_yaml(path: Path, content: dict[str, object]) -> None:
+    path.write_text(yaml.safe_dump(content, sort_keys=False, default_flow_style=None), "ascii")
+
+
+def _write_csv(path: Path, header: str, stamps_ns: IntArray, values: FloatArray) -> None:
+    rows = [
+        f"{stamp}," + ",".join(f"{x:.12g}" for x in row)
+        for stamp, row in zip(stamps_ns.tolist(), values.tolist(), strict=True)
+    ]
+    path.write_text("\n".join([header, *rows]) + "\n", encoding="ascii")

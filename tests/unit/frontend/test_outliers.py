@@ -1,0 +1,101 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from p2gd_fgo.frontend.outliers import motion_inliers
+from p2gd_fgo.geometry import so3
+from p2gd_fgo.types import BoolArray, FloatArray
+
+FOCAL = 450.0
+TURN = np.asarray(so3.exp(np.array([0.02, -0.05, 0.03])))
+
+
+def _two_views(
+    t: tuple[float, float, float],
+    R: FloatArray = TURN,
+    count: int = 150,
+    noise_px: float = 0.2,
+    depth: tuple[float, float] = (2.0, 15.0),
+) -> tuple[FloatArray, FloatArray]:
+    rng = np.random.default_rng(5)
+    previous = rng.uniform([-0.7, -0.5], [0.7, 0.5], (count, 2))
+    points = np.column_stack([previous, np.ones(count)]) * rng.uniform(*depth, (count, 1))
+    moved = points @ R.T + np.array(t)
+    current = moved[:, :2] / moved[:, 2:]
+    return previous, current + rng.normal(0.0, noise_px / FOCAL, current.shape)
+
+
+def _judge(
+    previous: FloatArray, current: FloatArray, R: FloatArray | None, seed: int = 0
+) -> BoolArray:
+    return motion_inliers(previous, current, R, FOCAL, 2.0, np.random.default_rng(seed))
+
+
+MOTIONS = [(0.3, 0.0, 0.02), (0.0, 0.1, -0.6), (-0.2, 0.1, 0.4)]
+
+
+@pytest.mark.parametrize("t", MOTIONS)
+@pytest.mark.parametrize("known_rotation", [True, False])
+def test_planted_outliers_go_and_the_others_stay(
+    t: tuple[float, float, float], known_rotation: bool
+) -> None:
+    previous, current = _two_views(t)
+    rng = np.random.default_rng(7)
+    bad = rng.permutation(150) < 45
+    angle = rng.uniform(0, 2 * np.pi, 150)
+    step = np.column_stack([np.cos(angle), np.sin(angle)]) * 40 / FOCAL
+    current = current + np.where(bad[:, None], step, 0.0)
+    good = _judge(previous, current, TURN if known_rotation else None)
+    assert good[~bad].mean() > (0.99 if known_rotation else 0.9)
+    assert good[bad].mean() < 0.2  # some of them happen to lie along their epipolar line
+
+
+def test_a_point_that_moves_the_wrong_way_along_its_line_goes() -> None:
+    previous, current = _two_views((0.4, 0.0, 0.0), R=np.eye(3))
+    current[:5] = previous[:5] - (current[:5] - previous[:5])
+    good = _judge(previous, current, np.eye(3))
+    assert not good[:5].any()
+    assert good[5:].all()
+
+
+@pytest.mark.parametrize("R", [np.eye(3), TURN])
+def test_without_translation_all_stay(R: FloatArray) -> None:
+    previous, current = _two_views((0.0, 0.0, 0.0), R=R, noise_px=0.3)
+    assert _judge(previous, current, R).all()
+
+
+def test_standing_still_without_a_rotation_all_stay() -> None:
+    previous, current = _two_views((0.0, 0.0, 0.0), R=np.eye(3), noise_px=0.3)
+    assert _judge(previous, current, None).all()
+
+
+def test_standing_still_a_single_mover_goes() -> None:
+    previous, current = _two_views((0.0, 0.0, 0.0), R=np.eye(3))
+    current[17] += 20 / FOCAL
+    good = _judge(previous, current, np.eye(3))
+    assert good.sum() == 149
+    assert not good[17]
+
+
+def test_a_wrong_rotation_does_not_take_the_features_with_it() -> None:
+    previous, current = _two_views((0.3, 0.1, 0.1), depth=(1.0, 6.0))
+    wrong = np.asarray(so3.exp(np.array([0.15, 0.1, -0.2])) @ TURN)
+    assert _judge(previous, current, wrong).mean() > 0.8
+
+
+def test_few_points_are_not_judged() -> None:
+    previous, current = _two_views((0.3, 0.0, 0.0), count=7)
+    current[0] += 1.0
+    assert _judge(previous, current, TURN).all()
+    assert len(_judge(previous[:0], current[:0], None)) == 0
+
+
+def test_the_answer_does_not_depend_on_the_order_of_the_points() -> None:
+    previous, current = _two_views((0.3, 0.1, 0.0))
+    current[::10] += 30 / FOCAL
+    reverse = slice(None, None, -1)
+    forward = _judge(previous, current, TURN)
+    np.testing.assert_array_equal(
+        forward, _judge(previous[reverse], current[reverse], TURN)[reverse]
+    )
