@@ -110,13 +110,13 @@ def _accuracy(common: CommonPoses, config: EvaluationConfig) -> Accuracy:
     ate: dict[str, Statistics | None] = dict.fromkeys(ALIGNMENTS)
     are: dict[str, Statistics | None] = dict.fromkeys(ALIGNMENTS)
     final = {}
-    for kind in ALIGNMENTS:
-        transform = align(kind, common.estimate, common.reference)
+    transforms = {kind: align(kind, common.estimate, common.reference) for kind in ALIGNMENTS}
+    for kind, transform in transforms.items():
         if transform is not None:
             errors_m, errors_deg = absolute(transform.apply(common.estimate), common.reference)
             ate[kind], are[kind] = statistics(errors_m), statistics(errors_deg)
             final[kind] = FinalDrift(float(errors_m[-1]), float(errors_deg[-1]))
-    sim3 = align("sim3", common.estimate, common.reference)
+    sim3 = transforms["sim3"]
     return Accuracy(
         frames_compared=len(common),
         path_length_m=path_length(common.reference),
