@@ -97,9 +97,7 @@ class NoObserver:
         """Nothing."""
 
 
-def run_sequence(
-    sequence: Sequence, config: Config, observer: Observer | None = None
-) -> RunResult:
+def run_sequence(sequence: Sequence, config: Config, observer: Observer | None = None) -> RunResult:
     """Run a recording from its first image to its last.
 
     An image that can't be decoded, or lies outside the IMU's time, is left out with an event. A
@@ -113,12 +111,12 @@ def run_sequence(
     """
     observer = observer or NoObserver()
     timer = StageTimer()
-    mask = load_mask(Path(config.dataset.mask), sequence.calibration.camera) if (
-        config.dataset.mask
-    ) else None
-    odometry = Odometry(
-        sequence.calibration, config, truth=sequence.truth, mask=mask, timer=timer
+    mask = (
+        load_mask(Path(config.dataset.mask), sequence.calibration.camera)
+        if (config.dataset.mask)
+        else None
     )
+    odometry = Odometry(sequence.calibration, config, truth=sequence.truth, mask=mask, timer=timer)
     _check_start(sequence, odometry)
     observer.begin(sequence, odometry.config)
 
@@ -175,9 +173,7 @@ def run_sequence(
     )
 
 
-def _images_with_imu(
-    sequence: Sequence, offset_ns: int
-) -> Iterator[tuple[int, int, ImuBatch]]:
+def _images_with_imu(sequence: Sequence, offset_ns: int) -> Iterator[tuple[int, int, ImuBatch]]:
     """Index and stamp of each image inside the IMU's time, and the samples that lead to it.
 
     The samples reach one beyond the image, so that the value at its stamp can be interpolated.

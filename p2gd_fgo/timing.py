@@ -29,9 +29,7 @@ class StageTimer:
 
     def take(self) -> dict[str, tuple[float, float]]:
         """(CPU ms, wall ms) by stage since the last call, and start anew."""
-        out = {
-            name: (cpu * 1e-6, self._wall_ns[name] * 1e-6) for name, cpu in self._cpu_ns.items()
-        }
+        out = {name: (cpu * 1e-6, self._wall_ns[name] * 1e-6) for name, cpu in self._cpu_ns.items()}
         self._cpu_ns.clear()
         self._wall_ns.clear()
         return out

@@ -138,7 +138,7 @@ def _parse(text: str, key: str) -> Any:
 
 
 def _kind(value: object) -> str:
-    return {list: "list", str: "text"}.get(type(value), type(value).__name__)
+    return "list" if isinstance(value, list) else type(value).__name__
 
 
 def _validate(data: dict[str, Any], source: str) -> Config:

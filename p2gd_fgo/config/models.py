@@ -170,7 +170,9 @@ class SmootherConfig(Model):
     step_tolerance: Positive = Field(
         0.1, description="stop after a step below this many standard deviations (RMS over states)"
     )
-    landmark_distance: Positive = Field(200.0, description="m; farther points are not used")
+    landmark_distance: Positive = Field(
+        75.0, description="m; farther points show too little parallax in a window to be used"
+    )
     outlier_px: Positive = Field(
         5.0, description="a track with a larger reprojection error is not used"
     )

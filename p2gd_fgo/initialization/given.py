@@ -10,7 +10,7 @@ from p2gd_fgo.frontend import FeatureBuffer
 from p2gd_fgo.geometry import so3
 from p2gd_fgo.geometry.pose import from_rotation_translation, interpolate, interpolation_weights
 from p2gd_fgo.initialization.base import Start
-from p2gd_fgo.types import NANOSECONDS, FloatArray, ImuBatch, NavState, Truth, Waiting
+from p2gd_fgo.types import NANOSECONDS, FloatArray, ImuBatch, IntArray, NavState, Truth, Waiting
 
 _DERIVATIVE_NS = 50_000_000  # half the base of the difference that gives a missing velocity
 
@@ -115,7 +115,7 @@ def _velocity(truth: Truth, stamp_ns: int) -> FloatArray:
 def _bias(
     given: tuple[float, float, float] | None,
     from_truth: FloatArray | None,
-    stamps_ns: FloatArray,
+    stamps_ns: IntArray,
     stamp_ns: int,
     config: GivenStartConfig,
 ) -> tuple[FloatArray, float]:

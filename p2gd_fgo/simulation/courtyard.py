@@ -13,7 +13,7 @@ from p2gd_fgo.simulation.raster import DISC, RECTANGLE, TRIANGLE
 from p2gd_fgo.simulation.site import Site
 from p2gd_fgo.simulation.textures import build_atlas
 from p2gd_fgo.simulation.world import Look, Sky, World, concatenate, patches
-from p2gd_fgo.types import FloatArray
+from p2gd_fgo.types import BoolArray, FloatArray, IntArray
 
 _MARGIN_M = 7.0  # between the route and the houses
 _PAVEMENT_M = 4.2  # width of the pavement before the houses
@@ -22,7 +22,7 @@ _TILE_M = 8.0  # of a ground texture
 _SLABS_PER_TILE = 16
 _HOUSE_DEPTH_M = 9.0
 _BELT_M = 70.0  # distance of the belt of trees around everything
-_LAWNS, _THINGS = 3, 32
+_LAWNS, _THINGS, _PARKINGS = 3, 32, 10
 
 
 def courtyard(route: FloatArray, rng: np.random.Generator, *, ground_z: float = 0.0) -> World:
@@ -39,7 +39,7 @@ def courtyard(route: FloatArray, rng: np.random.Generator, *, ground_z: float = 
     margin = _MARGIN_M * rng.uniform(0.8, 1.2, (2, 2))
     site = Site(rng, route, route.min(0) - margin[0], route.max(0) + margin[1])
     _ground(site)
-    _paint(site)
+    _covers(site)
     _surroundings(site)
     _houses(site)
     for _ in range(_LAWNS):
@@ -62,27 +62,27 @@ def _ground(site: Site) -> None:
     paved = np.minimum(middle - site.low, site.high - middle).min(1) < _PAVEMENT_M
     slabs = site.rng.integers(0, _SLABS_PER_TILE // 2, (nx * ny, 2)) * 2.0 / _SLABS_PER_TILE
     asphalt = np.column_stack([i, j]) * _CELL_M / _TILE_M
+    road = np.where(_parking(site, i, j), site.materials.parking, site.materials.asphalt)
     look = Look(
-        np.where(paved, site.materials.slabs, site.materials.asphalt),
+        np.where(paved, site.materials.slabs, road),
         (_TILE_M, _TILE_M),
         np.where(paved[:, None], slabs, asphalt),
     )
     site.add(patches(corner, [_CELL_M, 0.0, 0.0], [0.0, _CELL_M, 0.0], look))
 
 
-def _paint(site: Site) -> None:
-    """Parking bays and the covers of drains, a hair above the ground."""
+def _parking(site: Site, i: IntArray, j: IntArray) -> BoolArray:
+    """Choose which cells, in column i and row j (N,), are parking bays: short runs of cells."""
+    chosen = np.zeros(len(i), bool)
+    for _ in range(_PARKINGS):
+        row, first = site.rng.integers(j.max() + 1), site.rng.integers(i.max() + 1)
+        chosen |= (j == row) & (i >= first) & (i < first + site.rng.integers(2, 5))
+    return chosen
+
+
+def _covers(site: Site) -> None:
+    """Put covers of drains a hair above the ground."""
     rng = site.rng
-    low, high = site.low + _PAVEMENT_M, site.high - _PAVEMENT_M
-    for _ in range(8):
-        xy, yaw = rng.uniform(low, high), 0.5 * np.pi * rng.integers(2)
-        along = np.array([np.cos(yaw), np.sin(yaw), 0.0])
-        across = np.array([-along[1], along[0], 0.0])
-        start = np.array([*xy, 0.002]) + 2.5 * np.arange(rng.integers(2, 5))[:, None] * across
-        end = (start + 4.5 * along)[:, :2]
-        start = start[((end > low) & (end < high)).all(1)]
-        paint = Look(site.materials.concrete, (2.0, 2.0), gain=1.35)
-        site.add(patches(start, 4.5 * along, 0.11 * across, paint))
     for _ in range(10):
         xy, size = rng.uniform(site.low + 1.0, site.high - 1.0), float(rng.uniform(0.45, 0.7))
         shape = DISC if rng.random() < 0.6 else RECTANGLE

@@ -24,7 +24,7 @@ from p2gd_fgo.simulation.trajectory import SplineTrajectory
 from p2gd_fgo.simulation.world import World
 from p2gd_fgo.types import NANOSECONDS, FloatArray, Image, IntArray, Trajectory, Truth
 
-RENDERER_VERSION = 1
+RENDERER_VERSION = 2
 """Raised with every change that changes the images, so that cached ones are made anew."""
 
 Progress = Callable[[int, int], None]

@@ -67,7 +67,7 @@ def scatter_landmarks(
 ) -> FloatArray:
     """Landmarks (M, 3) in the world along both sides of the route and on its ground."""
     first, last = trajectory.span_ns
-    stamps = np.linspace(first, last, 2000).astype(np.int64)
+    stamps = first + np.linspace(0, last - first, 2000).astype(np.int64)
     T = trajectory.sample(stamps).T_world_imu
     position = T[:, :3, 3]
     arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(position, axis=0), axis=1))])

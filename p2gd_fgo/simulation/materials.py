@@ -27,6 +27,20 @@ def asphalt(rng: np.random.Generator, size: int = 2048) -> Float32Array:
     return soften(image, 0.7)
 
 
+def parking(rng: np.random.Generator, ground: Float32Array) -> Float32Array:
+    """Paint the worn lines of three bays along the rows' axis onto a ground (H, W).
+
+    They are part of the texture, not surfaces above it, so that far away they fade with it
+    instead of breaking into dashes.
+    """
+    height, width = ground.shape
+    column = np.abs((np.arange(width) * 3.0 / width) % 1.0 - 0.5) * width / 3.0
+    line = np.clip(0.007 * width - column, 0.0, 1.0).astype(np.float32)
+    wear = np.clip(0.85 + 0.12 * noise(rng, (height, width), 64, octaves=6), 0.0, 1.0)
+    share = line[None, :] * wear
+    return np.asarray(ground * (1.0 - share) + 205.0 * share, np.float32)
+
+
 def slabs(
     rng: np.random.Generator,
     size: int = 2048,

@@ -23,6 +23,7 @@ NEAREST_M = 0.05  # what is closer than this isn't drawn
 _SUBSAMPLES = 4  # per axis, in pixels on an edge
 _MAX_CANDIDATES = 9
 _MAX_TAPS = 8  # of the anisotropic texture filter
+_SOFTNESS = 0.5  # octaves of extra blur, as a lens has: without it sharp edges jump between pixels
 
 Float32Array = NDArray[np.float32]
 OwnerArray = NDArray[np.int32]
@@ -131,7 +132,7 @@ def _texture(
     if minor > major:
         major, minor, ds, dt = minor, major, ds_down, dt_down
     taps = min(max(math.ceil(major / max(minor, 1.0) - 0.25), 1), _MAX_TAPS)
-    level = min(max(math.log2(max(major / taps, 1e-9)), 0.0), levels.shape[1] - 1.001)
+    level = min(max(math.log2(max(major / taps, 1e-9)) + _SOFTNESS, 0.0), levels.shape[1] - 1.001)
     fine = int(level)
     blend = level - fine
     total = 0.0

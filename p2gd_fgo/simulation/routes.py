@@ -85,7 +85,7 @@ def make_route(
     x = np.cumsum(speed * np.cos(yaw)) * _STEP_S
     y = np.cumsum(speed * np.sin(yaw)) * _STEP_S
     z, roll, pitch = _shake(model, time, speed / model.speed[1], rng)
-    origin = int(round(0.5 / _STEP_S))
+    origin = round(0.5 / _STEP_S)
     positions = np.stack([x - x[origin], y - y[origin], z], -1)
     rotations = Rotation.from_euler("ZYX", np.stack([yaw - yaw[origin], pitch, roll], -1))
     knots = slice(0, None, _KNOT_STEPS)
@@ -124,7 +124,7 @@ def _limit_rate(command: FloatArray, limit: float) -> FloatArray:
 
 
 def _smooth(values: FloatArray, width_s: float = 0.5) -> FloatArray:
-    n = int(round(width_s / _STEP_S)) | 1
+    n = round(width_s / _STEP_S) | 1
     window = np.hanning(n + 2)[1:-1]
     padded = np.pad(values, n // 2, mode="edge")
     return np.convolve(padded, window / window.sum(), mode="valid")

@@ -19,6 +19,7 @@ class Materials:
     """Where each material is in the atlas."""
 
     asphalt: int
+    parking: int
     slabs: int
     grass: int
     concrete: int
@@ -45,8 +46,10 @@ class Site:
         self.images: list[Float32Array] = []
         self.parts: list[Surfaces] = []
         self._taken = np.column_stack([route, np.full(len(route), _CLEARANCE_M)])
+        asphalt = materials.asphalt(rng)
         self.materials = Materials(
-            self.texture(materials.asphalt(rng)),
+            self.texture(asphalt),
+            self.texture(materials.parking(rng, asphalt)),
             self.texture(materials.slabs(rng)),
             self.texture(materials.grass(rng)),
             self.texture(materials.concrete(rng)),

@@ -85,4 +85,3 @@ class SplineTrajectory:
 
     def _seconds(self, stamps_ns: IntArray) -> FloatArray:
         return np.asarray((np.asarray(stamps_ns) - self._start_ns) / NANOSECONDS)
-

@@ -81,7 +81,8 @@ class Smoother:
     def start(self, state: NavState, covariance: FloatArray) -> None:
         """Begin at ``state``; its covariance becomes the first prior."""
         self._states = self._states.append(self._frame, state)
-        information = np.linalg.inv(window_covariance(covariance, state.T_world_imu[:3, :3]))
+        in_window = window_covariance(covariance, state.T_world_imu[:3, :3])
+        information = np.asarray(np.linalg.inv(in_window), dtype=np.float64)
         self._prior = Prior(self._states, information, np.zeros(ERROR_DIM))
 
     def propagate(self, imu: ImuBatch) -> NavState:
@@ -186,7 +187,7 @@ class Smoother:
                 delta = cho_solve((L, True), b, check_finite=False)
                 self._states = self._states.retract(delta)
             self._counts["iterations"] += 1
-            step = float(np.sqrt(max(delta @ b, 0.0) / dim))
+            step = float(np.sqrt(max(float(delta @ b), 0.0) / dim))
             if not np.isfinite(step):
                 raise EstimatorError(stamp_ns, "a Gauss-Newton step is not finite: diverged")
             if step < self._config.step_tolerance:

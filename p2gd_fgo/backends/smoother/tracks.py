@@ -113,6 +113,8 @@ class TrackFactors:
         # error() is half the squared Mahalanobis norm of 2 n residuals less 3 for the point.
         if n not in self._gates:
             self._gates[n] = float(chi2.ppf(self._gate, 2 * n - 3))
-        return "marginalized" if 2.0 * track.factor.error(values) < self._gates[n] else (
-            "rejected_chi_square"
+        return (
+            "marginalized"
+            if 2.0 * track.factor.error(values) < self._gates[n]
+            else ("rejected_chi_square")
         )

@@ -136,7 +136,7 @@ def error_covariance(covariance: FloatArray, R: FloatArray) -> FloatArray:
     out = covariance[np.ix_(_TO_ERROR_ORDER, _TO_ERROR_ORDER)]
     out[3:6] = R @ out[3:6]
     out[:, 3:6] = out[:, 3:6] @ R.T
-    return 0.5 * (out + out.T)
+    return np.asarray(0.5 * (out + out.T))
 
 
 def window_covariance(covariance: FloatArray, R: FloatArray) -> FloatArray:
@@ -144,4 +144,4 @@ def window_covariance(covariance: FloatArray, R: FloatArray) -> FloatArray:
     out = covariance.copy()
     out[3:6] = R.T @ out[3:6]
     out[:, 3:6] = out[:, 3:6] @ R
-    return out[np.ix_(_TO_ERROR_ORDER, _TO_ERROR_ORDER)]
+    return np.asarray(out[np.ix_(_TO_ERROR_ORDER, _TO_ERROR_ORDER)])
