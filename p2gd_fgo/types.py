@@ -18,6 +18,8 @@ BoolArray = NDArray[np.bool_]
 Image = NDArray[np.uint8]
 
 NANOSECONDS = 1_000_000_000
+ERROR_DIM = 15
+"""Size of the error (δθ, δp, δv, δb_g, δb_a) of a state; see :class:`Estimate`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

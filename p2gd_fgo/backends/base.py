@@ -9,9 +9,6 @@ import numpy as np
 from p2gd_fgo.errors import EstimatorError
 from p2gd_fgo.types import Estimate, FloatArray, ImuBatch, NavState, Observations, Trajectory
 
-ERROR_DIM = 15
-"""Size of the error (δθ, δp, δv, δb_g, δb_a) of a state; see :class:`p2gd_fgo.types.Estimate`."""
-
 _MAX_SPEED = 100.0  # m/s; nothing that carries a camera on wheels or rotors goes faster
 _MAX_ACCEL_BIAS = 5.0  # m/s²
 _MAX_GYRO_BIAS = 1.0  # rad/s

@@ -4,11 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from p2gd_fgo.backends.base import ERROR_DIM
 from p2gd_fgo.datasets.base import ImuNoise
 from p2gd_fgo.geometry.so3 import hat
 from p2gd_fgo.imu import increments, integrate
-from p2gd_fgo.types import Estimate, FloatArray, ImuBatch, NavState, Observations, Trajectory
+from p2gd_fgo.types import (
+    ERROR_DIM,
+    Estimate,
+    FloatArray,
+    ImuBatch,
+    NavState,
+    Observations,
+    Trajectory,
+)
 
 
 class DeadReckoning:

@@ -5,19 +5,17 @@ from __future__ import annotations
 import difflib
 import hashlib
 import json
-import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import UnionType
 from typing import Any, Union, get_args, get_origin
 
-import yaml
 from pydantic import BaseModel, ValidationError
 
+from p2gd_fgo.config import yaml_text
 from p2gd_fgo.config.models import Config
 from p2gd_fgo.errors import ConfigError
 
-_NUMBER = re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)$")
 _WIDE_IMAGE_PX = 1000
 _BY_WIDTH = {  # paper IV-A1: KAIST Urban (1280 px wide) and the robot (800 px)
     True: {"max_features": 180, "grid": (10, 6), "min_distance_px": 40.0},
@@ -90,11 +88,13 @@ def _read(path: Path, above: tuple[Path, ...]) -> dict[str, Any]:
     if path in above:
         raise ConfigError(f"{path}: 'extends' goes round in a circle through this file")
     try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+        if path.stat().st_size > yaml_text.MAX_CHARACTERS:
+            raise ValueError("too large")
+        data = yaml_text.parse(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise ConfigError(f"{path}: no such configuration file") from None
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ConfigError(f"{path}: not readable as YAML: {' '.join(str(error).split())}") from None
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"{path}: not readable as YAML: {error}") from None
     if data is None:
         data = {}
     if not isinstance(data, dict):
@@ -107,7 +107,7 @@ def _read(path: Path, above: tuple[Path, ...]) -> dict[str, Any]:
     merged: dict[str, Any] = {}
     for base in bases:
         merged = _merge(merged, _read(path.parent / base, (*above, path)))
-    return _merge(merged, _numbers(data))
+    return _merge(merged, data)
 
 
 def _merge(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
@@ -119,22 +119,25 @@ def _merge(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
     return out
 
 
-def _numbers(value: Any) -> Any:
-    """Numbers that YAML 1.1 reads as text, such as 1e-05, made numbers."""
-    if isinstance(value, dict):
-        return {k: _numbers(v) for k, v in value.items()}
-    if isinstance(value, list):
-        return [_numbers(v) for v in value]
-    if isinstance(value, str) and _NUMBER.match(value):
-        return float(value)
-    return value
-
-
 def _parse(text: str, key: str) -> Any:
+    """The value that text stands for: YAML, except that a text field takes it as it is."""
+    if _is_text(key) and text != "null" and not text.startswith(("'", '"')):
+        return text
     try:
-        return _numbers(yaml.safe_load(text))
-    except yaml.YAMLError:
+        return yaml_text.parse(text)
+    except ValueError:
         raise ConfigError(f"--set {key}: {text!r} is not a YAML value") from None
+
+
+def _is_text(key: str) -> bool:
+    model: type[BaseModel] | None = Config
+    options: tuple[Any, ...] = ()
+    for name in key.split("."):
+        info = model.model_fields.get(name) if model is not None else None
+        if info is None:
+            return False
+        model, options = _model_of(info.annotation), _options(info.annotation)
+    return str in options
 
 
 def _kind(value: object) -> str:
@@ -173,11 +176,14 @@ def _unknown_keys(
 
 
 def _model_of(annotation: Any) -> type[BaseModel] | None:
-    options = get_args(annotation) if get_origin(annotation) in (Union, UnionType) else [annotation]
-    for option in options:
+    for option in _options(annotation):
         if isinstance(option, type) and issubclass(option, BaseModel):
             return option
     return None
+
+
+def _options(annotation: Any) -> tuple[Any, ...]:
+    return get_args(annotation) if get_origin(annotation) in (Union, UnionType) else (annotation,)
 
 
 def _lines(model: BaseModel, indent: int, comments: bool) -> Iterator[str]:
@@ -189,11 +195,6 @@ def _lines(model: BaseModel, indent: int, comments: bool) -> Iterator[str]:
             yield f"{pad}{name}:" + (f"  # {note}" if comments else "")
             yield from _lines(value, indent + 1, comments)
             continue
-        text = yaml.safe_dump(
-            list(value) if isinstance(value, tuple) else value,
-            default_flow_style=True,
-            allow_unicode=True,
-        )
-        text = text.removesuffix("\n").removesuffix("\n...")
+        text = yaml_text.dump_value(list(value) if isinstance(value, tuple) else value)
         line = f"{pad}{name}: {text}"
         yield f"{line:<36}  # {info.description}" if comments and info.description else line

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from p2gd_fgo.backends.base import ERROR_DIM
 from p2gd_fgo.config import StaticStartConfig, StationaryConfig
 from p2gd_fgo.errors import InitializationError
 from p2gd_fgo.frontend import FeatureBuffer
@@ -13,7 +12,7 @@ from p2gd_fgo.geometry.so3 import hat
 from p2gd_fgo.imu import between
 from p2gd_fgo.initialization.base import Start
 from p2gd_fgo.initialization.stationary import Stillness, stillness
-from p2gd_fgo.types import NANOSECONDS, FloatArray, ImuBatch, NavState, Waiting
+from p2gd_fgo.types import ERROR_DIM, NANOSECONDS, FloatArray, ImuBatch, NavState, Waiting
 
 
 class StaticStart:

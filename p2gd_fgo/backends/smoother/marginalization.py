@@ -12,10 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from p2gd_fgo.backends.base import ERROR_DIM
 from p2gd_fgo.backends.smoother.window import WindowStates
 from p2gd_fgo.geometry import so3
-from p2gd_fgo.types import FloatArray
+from p2gd_fgo.types import ERROR_DIM, FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,7 +10,6 @@ from gtsam.symbol_shorthand import V, X
 from numpy.linalg import LinAlgError
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 
-from p2gd_fgo.backends.base import ERROR_DIM
 from p2gd_fgo.backends.smoother.marginalization import Prior, marginalize_oldest
 from p2gd_fgo.backends.smoother.preintegration import Preintegrator
 from p2gd_fgo.backends.smoother.tracks import Track, TrackFactors
@@ -26,6 +25,7 @@ from p2gd_fgo.geometry.pose import from_rotation_translation
 from p2gd_fgo.imu import integrate
 from p2gd_fgo.timing import StageTimer
 from p2gd_fgo.types import (
+    ERROR_DIM,
     Estimate,
     FloatArray,
     ImuBatch,

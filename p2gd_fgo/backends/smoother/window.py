@@ -12,10 +12,9 @@ import gtsam
 import numpy as np
 from gtsam.symbol_shorthand import B, V, X
 
-from p2gd_fgo.backends.base import ERROR_DIM
 from p2gd_fgo.geometry import so3
 from p2gd_fgo.geometry.pose import from_rotation_translation
-from p2gd_fgo.types import FloatArray, NavState, Trajectory
+from p2gd_fgo.types import ERROR_DIM, FloatArray, NavState, Trajectory
 
 # Position in our error (δθ, δp, δv, δb_g, δb_a) of each entry of GTSAM's order.
 _TO_ERROR_ORDER = np.r_[0:9, 12:15, 9:12]

@@ -1,0 +1,1 @@
+"""The command line; each command loads the numeric libraries only after the threads are set."""

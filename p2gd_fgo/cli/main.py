@@ -1,0 +1,61 @@
+"""The entry point: commands, exit codes, errors as sentences.
+
+Exit codes: 0 done, 1 the run failed, 2 bad input, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import sys
+
+import typer
+from rich.console import Console
+
+from p2gd_fgo import __version__
+from p2gd_fgo.cli import config as config_commands
+from p2gd_fgo.cli.evaluate import evaluate
+from p2gd_fgo.cli.run import demo, run
+from p2gd_fgo.errors import P2gdError
+
+app = typer.Typer(
+    name="p2gd-fgo",
+    help="Visual-inertial odometry lab: run recordings, swap estimators, print ATE/RTE reports.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+app.command()(run)
+app.command()(demo)
+app.command()(evaluate)
+app.add_typer(config_commands.app, name="config")
+
+
+def _version(value: bool) -> None:
+    if value:
+        typer.echo(f"p2gd-fgo {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _main(
+    version: bool = typer.Option(
+        False, "--version", callback=_version, is_eager=True, help="Print the version."
+    ),
+) -> None:
+    """Visual-inertial odometry lab: run recordings, swap estimators, print ATE/RTE reports."""
+
+
+def main() -> None:
+    """Run the command line."""
+    try:
+        app()
+    except P2gdError as error:
+        Console(stderr=True, soft_wrap=True, highlight=False, markup=False).print(
+            f"p2gd-fgo: {error}"
+        )
+        sys.exit(2)
+    except KeyboardInterrupt:
+        sys.exit(130)
+
+
+if __name__ == "__main__":
+    main()

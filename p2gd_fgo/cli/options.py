@@ -1,0 +1,86 @@
+"""From the command line's options to a configuration."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from p2gd_fgo.config import Config, load_config, override
+from p2gd_fgo.errors import ConfigError
+from p2gd_fgo.threads import set_thread_environment
+
+ConfigOption = Annotated[
+    Path | None, typer.Option("--config", "-c", help="YAML configuration.", show_default=False)
+]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", "-s", metavar="KEY=VALUE", show_default=False,
+        help="Any field of the configuration, such as frontend.max_features=180; repeatable.",
+    ),
+]  # fmt: skip
+BackendOption = Annotated[
+    str | None, typer.Option(help="Short for --set backend.kind=…", show_default=False)
+]
+DistributionOption = Annotated[
+    str | None, typer.Option(help="Short for --set distribution.kind=…", show_default=False)
+]
+SeedOption = Annotated[
+    int | None, typer.Option(help="Short for --set runtime.seed=…", show_default=False)
+]
+OutOption = Annotated[
+    Path | None,
+    typer.Option("--out", "-o", help="Run directory [default: results/<name>/<hash>]"),
+]
+OverwriteOption = Annotated[
+    bool, typer.Option("--overwrite", help="Replace the run that is in the run directory.")
+]
+
+
+def make_config(
+    target: Path | None,
+    config: Path | None,
+    settings: list[str] | None,
+    *,
+    backend: str | None = None,
+    distribution: str | None = None,
+    seed: int | None = None,
+) -> Config:
+    """The configuration of a command, and its thread counts put in force.
+
+    Parameters
+    ----------
+    target
+        Folder of a recording, or a YAML configuration that names one.
+    config
+        YAML configuration; with a folder as target the folder wins over ``dataset.path``.
+
+    Raises
+    ------
+    ConfigError
+        Two configurations, a setting without '=', or what :func:`load_config` refuses.
+    """
+    if target is not None and target.suffix in (".yaml", ".yml"):
+        if config is not None:
+            raise ConfigError(
+                f"{target} and --config {config} are two configurations: give one, and let it "
+                "name the other with 'extends:'"
+            )
+        target, config = None, target
+    chosen: dict[str, object] = {}
+    if target is not None:
+        chosen["dataset.path"] = str(target)
+    for setting in settings or []:
+        key, equals, value = setting.partition("=")
+        if not equals:
+            raise ConfigError(f"--set {setting}: give a key and a value as KEY=VALUE")
+        chosen[key.strip()] = value
+    shortcuts = {
+        "backend.kind": backend, "distribution.kind": distribution, "runtime.seed": seed,
+    }  # fmt: skip
+    chosen |= {key: value for key, value in shortcuts.items() if value is not None}
+    made = override(load_config(config), chosen)
+    set_thread_environment(made.runtime.threads)
+    return made

@@ -1,0 +1,182 @@
+"""A run with all that belongs to it: recording in, run directory and metrics out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import cv2
+
+from p2gd_fgo.config import Config, config_hash, dump_yaml, resolve
+from p2gd_fgo.datasets import Sequence, open_sequence
+from p2gd_fgo.errors import DataError
+from p2gd_fgo.evaluation.evaluate import ErrorSeries, error_series, evaluate
+from p2gd_fgo.evaluation.evo_bridge import write_result
+from p2gd_fgo.evaluation.metrics import Metrics
+from p2gd_fgo.pipeline import Observer, RunResult, run_sequence
+from p2gd_fgo.report.figures import trajectory_figure
+from p2gd_fgo.report.summaries import StageTime, summarize_timing
+from p2gd_fgo.run_directory import EVO_RESULT, FIGURE, RunDirectory
+from p2gd_fgo.types import NANOSECONDS, Event, Trajectory
+
+_ALWAYS_DETERMINED = "yaw_pos"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Experiment:
+    """What a run gave.
+
+    Attributes
+    ----------
+    name
+        Of the run.
+    result
+        Trajectories, times, events.
+    metrics
+        Errors against truth, or counts alone without it.
+    timing
+        CPU by stage.
+    header
+        What was chosen, for tables: name and value.
+    path
+        The run directory.
+    """
+
+    name: str
+    result: RunResult
+    metrics: Metrics
+    timing: Mapping[str, StageTime]
+    header: list[tuple[str, str]]
+    path: Path
+
+
+def run_experiment(
+    config: Config,
+    *,
+    out: Path | None = None,
+    overwrite: bool = False,
+    observer: Observer | None = None,
+) -> Experiment:
+    """Run ``config.dataset.path``, judge the estimate and write the run directory.
+
+    Parameters
+    ----------
+    out
+        The run directory; by default ``results/<name>/<hash of the configuration>``.
+    overwrite
+        Whether an existing run there may be replaced.
+
+    Raises
+    ------
+    ConfigError, DataError
+        Bad input, before the first image. What goes wrong later is in the result's ``status``.
+    """
+    cv2.setNumThreads(config.runtime.threads)
+    sequence = open_sequence(config.dataset, max_gap_s=config.imu.max_gap_s)
+    config = resolve(config, sequence.calibration.camera.width)
+    name = config.name or sequence.name
+    source = str(Path(config.dataset.path or "").resolve())
+    directory = RunDirectory(out or Path("results", name, config_hash(config, source)), overwrite)
+    directory.write_config(dump_yaml(config))
+    try:
+        result = run_sequence(sequence, config, observer)
+    except BaseException as error:
+        directory.finish("failed", f"stopped by {type(error).__name__}: {error}")
+        raise
+    truth = sequence.truth.trajectory if sequence.truth else None
+    metrics, errors, result_events = _judge(result, truth)
+    header = describe(sequence, config, result, directory.path)
+    timing = summarize_timing(result.timing)
+
+    directory.write_trajectory("estimate.tum", result.estimate)
+    directory.write_trajectory("smoothed.tum", result.smoothed)
+    if truth is not None:
+        directory.write_trajectory("truth.tum", truth)
+    directory.write_timing(result.timing_stamps_ns, result.timing)
+    directory.write_events(result_events)
+    directory.write_metrics(
+        metrics.to_json()
+        | {
+            "name": name,
+            "status": result.status,
+            "reason": result.reason,
+            "start": result.start_note,
+            "backend": config.backend.kind,
+            "distribution": config.distribution.kind,
+            "seed": config.runtime.seed,
+            "counts": result.counts,
+            "cpu_ms": {stage: asdict(time) for stage, time in timing.items()},
+            "chosen": dict(header),
+        }
+    )
+    if errors is not None:
+        write_result(
+            directory.file(EVO_RESULT),
+            errors.estimate,
+            errors.reference,
+            alignment=errors.alignment,
+            name=name,
+        )
+    trajectory_figure(
+        directory.file(FIGURE),
+        result.estimate,
+        truth,
+        errors,
+        title=f"{name} · {config.backend.kind} · {config.distribution.kind}",
+        note="" if result.status == "done" else f"failed: {result.reason}",
+    )
+    directory.finish(result.status, result.reason)
+    return Experiment(name, result, metrics, timing, header, directory.path)
+
+
+def describe(
+    sequence: Sequence, config: Config, result: RunResult, out: Path
+) -> list[tuple[str, str]]:
+    """What was chosen, for the head of the table."""
+    stamps = sequence.image_stamps_ns
+    seconds = float(stamps[-1] - stamps[0]) / NANOSECONDS
+    rate = (len(stamps) - 1) / seconds if seconds > 0 else 0.0
+    camera, f, b = sequence.calibration.camera, config.frontend, config.backend
+    assert f.grid is not None
+    backend: str = b.kind
+    if b.kind == "smoother":
+        backend += f" · window {b.window} · pixel noise {b.pixel_noise_px:g} px"
+    start = result.start_note or f"{config.initialization.kind}, refused"
+    return [
+        ("sequence", f"{sequence.name} · {len(stamps)} images in {seconds:.1f} s, {rate:.1f} Hz"),
+        ("camera", f"{camera.width}x{camera.height} · {type(camera).__name__}"),
+        ("back end", backend),
+        ("distribution", config.distribution.kind),
+        ("priors", config.priors.source),
+        (
+            "features",
+            f"{f.max_features} · grid {f.grid[0]}x{f.grid[1]} · {f.min_distance_px:g} px apart · "
+            f"tracks up to {f.max_track_length} images",
+        ),
+        ("start", start),
+        ("seed", str(config.runtime.seed)),
+        ("results", str(out)),
+    ]
+
+
+def _judge(
+    result: RunResult, truth: Trajectory | None
+) -> tuple[Metrics, ErrorSeries | None, tuple[Event, ...]]:
+    """Metrics, errors over time where there are any, and the events with what was found."""
+    evaluation = result.config.evaluation
+    estimate, total = result.estimate, result.frames_total
+    if truth is None or len(estimate) == 0:
+        counted = evaluate(estimate, None, frames_total=total, config=evaluation)
+        return counted, None, result.events
+    try:
+        metrics = evaluate(estimate, truth, frames_total=total, config=evaluation)
+    except DataError as error:
+        counted = evaluate(estimate, None, frames_total=total, config=evaluation)
+        event = Event(int(estimate.stamps_ns[-1]), "not_evaluated", str(error))
+        return counted, None, (*result.events, event)
+    try:
+        errors = error_series(estimate, truth, evaluation.alignment)
+    except DataError:
+        errors = error_series(estimate, truth, _ALWAYS_DETERMINED)
+    return metrics, errors, result.events
