@@ -51,7 +51,7 @@ def run_table(
     """
     parts: list[RenderableType] = [Rule("run", align="left", style="dim"), _pairs(header)]
     parts += _warnings(metrics, status)
-    if metrics is not None:
+    if metrics is not None and metrics.frames:
         parts += _metrics(metrics)
     if timing:
         parts += [_title("CPU time per frame"), _timing(timing)]
@@ -72,7 +72,7 @@ def _warnings(metrics: Metrics | None, status: tuple[str, str | None]) -> list[R
         what = "THE RUN FAILED" if state == "failed" else f"THE RUN IS NOT FINISHED ({state})"
         lines.append(f"{what}{': ' + reason if reason else ''}")
     share = metrics.completeness if metrics else None
-    if metrics is not None and share is not None and share < _PARTIAL:
+    if metrics is not None and metrics.frames and share is not None and share < _PARTIAL:
         lines.append(
             f"PARTIAL: only {metrics.frames} of {metrics.frames_total} images have an estimate "
             f"({100 * share:.1f} %); all errors are of this part alone"
@@ -83,8 +83,8 @@ def _warnings(metrics: Metrics | None, status: tuple[str, str | None]) -> list[R
             f"TRUTH IS PARTIAL: {metrics.accuracy.frames_compared} of {metrics.frames} estimates "
             "are compared"
         )
-    if metrics is not None and metrics.accuracy is None:
-        lines.append("NO TRUTH: nothing can be said about accuracy")
+    if metrics is not None and metrics.frames and metrics.accuracy is None:
+        lines.append("NO TRUTH TO COMPARE WITH: nothing can be said about accuracy")
     if not lines:
         return []
     failed = state == "failed"
