@@ -10,8 +10,8 @@ _HEAD = """# Configuration
 
 Every field with its default and meaning. `null` in `frontend` is filled by the image width: over
 1000 px 180 features, grid [10, 6], 40 px apart (the paper's KAIST settings), else 150, [8, 6],
-30 px (its robot's). A file holds what differs; `extends: other.yaml` (or a list) builds on other files,
-relative to the file itself, later ones winning. On the command line any field is
+30 px (its robot's). A file holds what differs; `extends: other.yaml` (or a list) builds on other
+files, relative to the file itself, later ones winning. On the command line any field is
 `--set frontend.max_features=180`. Written by `make docs`.
 
 ```yaml

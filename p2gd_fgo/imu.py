@@ -1,8 +1,8 @@
 """IMU samples: buffering, interpolation at image stamps, and strapdown integration.
 
 Both back ends integrate the same increments: between two neighbouring samples the rate and the
-specific force are their mean (trapezoid), and the interval runs exactly from image to image
-because the samples at its ends are interpolated.
+specific force run linearly, and the interval runs exactly from image to image because the samples
+at its ends are interpolated.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class ImuIncrements:
     dt_s
         (N,) durations.
     gyro, accel
-        (N, 3) mean rate (rad/s) and specific force (m/s²) of each piece, biases still in.
+        (N, 3) rate (rad/s) and specific force (m/s²) of each piece, biases still in.
     """
 
     dt_s: FloatArray
@@ -67,40 +67,61 @@ def between(imu: ImuBatch, start_ns: int, end_ns: int) -> ImuBatch:
 
 
 def increments(imu: ImuBatch) -> ImuIncrements:
-    """Trapezoid pieces of consecutive samples (N samples give N − 1 pieces)."""
-    return ImuIncrements(
-        np.diff(imu.stamps_ns) / NANOSECONDS,
-        0.5 * (imu.gyro[1:] + imu.gyro[:-1]),
-        0.5 * (imu.accel[1:] + imu.accel[:-1]),
-    )
+    """Two pieces of constant rate and force for each two neighbouring samples.
+
+    N samples give 2 (N − 1) pieces: halves of the time between a and b, with the values
+    (a + b)/2 ∓ (b − a)/3. Their first and second integrals are those of the straight line from a
+    to b, so that rotation, velocity and position are all of third order in the sample interval;
+    the mean alone leaves (b − a) dt²/12 of position, and as much of tilt in the velocity.
+    """
+    half_s = np.repeat(np.diff(imu.stamps_ns) / (2.0 * NANOSECONDS), 2)
+    return ImuIncrements(half_s, _line_halves(imu.gyro), _line_halves(imu.accel))
 
 
-def integrate(state: NavState, imu: ImuBatch, gravity: float) -> NavState:
-    """Strapdown integration over all samples, exact for piecewise constant rate and force.
+def _line_halves(samples: FloatArray) -> FloatArray:
+    mean = 0.5 * (samples[1:] + samples[:-1])
+    slope = np.diff(samples, axis=0) / 3.0
+    return np.stack([mean - slope, mean + slope], axis=1).reshape(-1, 3)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StrapdownPath:
+    """Motion through N pieces, at their N + 1 ends: ``R`` (., 3, 3), ``v`` and ``p`` (., 3)."""
+
+    R: FloatArray
+    v: FloatArray
+    p: FloatArray
+
+
+def strapdown(state: NavState, pieces: ImuIncrements, gravity: float) -> StrapdownPath:
+    """Exact integration of piecewise constant rate and force from ``state``.
 
     Per piece, with φ = ω dt and Γ₁, Γ₂ the first and second integral of the rotation:
     v ← v + g dt + R Γ₁(φ) a dt and p ← p + v dt + g dt²/2 + R Γ₂(φ) a dt².
     """
-    pieces = increments(imu)
     dt = pieces.dt_s[:, None]
     phi = (pieces.gyro - state.gyro_bias) * dt
-    a = pieces.accel - state.accel_bias
-    steps = so3.exp(phi)
-    dv = (so3.right_jacobian(-phi) @ a[..., None])[..., 0] * dt
-    dp = (so3.second_integral(phi) @ a[..., None])[..., 0] * dt * dt
-    R = state.T_world_imu[:3, :3]
-    p = state.T_world_imu[:3, 3]
-    v = state.velocity
+    a = (pieces.accel - state.accel_bias)[..., None]
+    R = np.empty((len(phi) + 1, 3, 3))
+    R[0] = state.T_world_imu[:3, :3]
+    for k, step in enumerate(so3.exp(phi)):
+        np.matmul(R[k], step, out=R[k + 1])
     g = np.array([0.0, 0.0, -gravity])
-    for k, h in enumerate(pieces.dt_s):
-        p = p + v * h + 0.5 * g * h * h + R @ dp[k]
-        v = v + g * h + R @ dv[k]
-        R = R @ steps[k]
-    R = so3.from_quaternion(so3.to_quaternion(R))
+    dv = (R[:-1] @ (so3.right_jacobian(-phi) @ a))[..., 0] * dt + g * dt
+    v = np.cumsum(np.concatenate([state.velocity[None], dv]), axis=0)
+    dp = (R[:-1] @ (so3.second_integral(phi) @ a))[..., 0] * dt**2 + (0.5 * g * dt + v[:-1]) * dt
+    p = np.cumsum(np.concatenate([state.T_world_imu[None, :3, 3], dp]), axis=0)
+    return StrapdownPath(R, v, p)
+
+
+def integrate(state: NavState, imu: ImuBatch, gravity: float) -> NavState:
+    """The state at the last sample, from ``state`` at the first (:func:`strapdown`)."""
+    path = strapdown(state, increments(imu), gravity)
+    R = so3.from_quaternion(so3.to_quaternion(path.R[-1]))
     return NavState(
         int(imu.stamps_ns[-1]),
-        from_rotation_translation(R, p),
-        v,
+        from_rotation_translation(R, path.p[-1]),
+        path.v[-1],
         state.gyro_bias,
         state.accel_bias,
     )

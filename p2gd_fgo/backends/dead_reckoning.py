@@ -6,7 +6,7 @@ import numpy as np
 
 from p2gd_fgo.datasets.base import ImuNoise
 from p2gd_fgo.geometry.so3 import hat
-from p2gd_fgo.imu import increments, integrate
+from p2gd_fgo.imu import increments, integrate, strapdown
 from p2gd_fgo.types import (
     ERROR_DIM,
     Estimate,
@@ -64,22 +64,17 @@ class DeadReckoning:
             [n.gyro_noise_density, 0.0, n.accel_noise_density, n.gyro_random_walk,
              n.accel_random_walk], 3)  # fmt: skip
         pieces = increments(imu)
-        state = self._state
+        path = strapdown(self._state, pieces, self._gravity)
+        rate = pieces.gyro - self._state.gyro_bias
+        force = pieces.accel - self._state.accel_bias
         for k, dt in enumerate(pieces.dt_s):
-            R = state.T_world_imu[:3, :3]
-            a = pieces.accel[k] - state.accel_bias
+            R = path.R[k]
             A = np.eye(ERROR_DIM)
-            A[0:3, 0:3] -= hat(pieces.gyro[k] - state.gyro_bias) * dt
+            A[0:3, 0:3] -= hat(rate[k]) * dt
             A[0:3, 9:12] = -np.eye(3) * dt
             A[3:6, 6:9] = np.eye(3) * dt
-            A[6:9, 0:3] = -R @ hat(a) * dt
+            A[6:9, 0:3] = -R @ hat(force[k]) * dt
             A[6:9, 12:15] = -R * dt
             F = A @ F
             Q = A @ Q @ A.T + np.diag(densities**2 * dt)
-            piece = slice(k, k + 2)
-            state = integrate(
-                state,
-                ImuBatch(imu.stamps_ns[piece], imu.gyro[piece], imu.accel[piece]),
-                self._gravity,
-            )
         return F, Q

@@ -29,18 +29,24 @@ class Prior:
         """Add the prior, re-centred at ``states``, to the window's dense system in place."""
         n = len(self.states)
         now = states.part(slice(0, n))
+        size = n * ERROR_DIM
+        if self.states.equals(now):
+            H[:size, :size] += self.H
+            b[:size] += self.b
+            return
         d = self.states.local(now)
         # The chart's Jacobian is the identity but for rotation and position.
-        J_rotation = so3.right_jacobian_inverse(d[:, 0:3])
-        J_position = np.swapaxes(self.states.R, -1, -2) @ now.R
-        size = n * ERROR_DIM
+        J = np.zeros((n, 6, 6))
+        J[:, 0:3, 0:3] = so3.right_jacobian_inverse(d[:, 0:3])
+        J[:, 3:6, 3:6] = np.swapaxes(self.states.R, -1, -2) @ now.R
+        Jt = np.swapaxes(J, -1, -2)
         centred = self.H.copy()
+        for _ in range(2):  # Jᵀ H J as Jᵀ (Jᵀ H)ᵀ: rows are contiguous, columns are not
+            rows = centred.reshape(n, ERROR_DIM, size)
+            rows[:, 0:6] = Jt @ rows[:, 0:6]
+            centred = np.ascontiguousarray(centred.T)
         gradient = (self.b - self.H @ d.ravel()).reshape(n, ERROR_DIM)
-        rows, columns = centred.reshape(n, ERROR_DIM, size), centred.reshape(size, n, ERROR_DIM)
-        for J, part in ((J_rotation, slice(0, 3)), (J_position, slice(3, 6))):
-            rows[:, part] = np.swapaxes(J, -1, -2) @ rows[:, part]
-            columns[:, :, part] = (columns[:, :, None, part] @ J)[:, :, 0]
-            gradient[:, part] = (gradient[:, None, part] @ J)[:, 0]
+        gradient[:, 0:6] = (Jt @ gradient[:, 0:6, None])[..., 0]
         H[:size, :size] += centred
         b[:size] += gradient.ravel()
 

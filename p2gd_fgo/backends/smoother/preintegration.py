@@ -1,4 +1,4 @@
-"""IMU factors between images: GTSAM's preintegration fed with midpoint increments."""
+"""IMU factors between images: GTSAM's preintegration fed with the shared increments."""
 
 from __future__ import annotations
 

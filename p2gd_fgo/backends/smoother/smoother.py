@@ -74,7 +74,7 @@ class Smoother:
         self._motion: dict[int, list[gtsam.NonlinearFactor]] = {}
         self._frame = 0
         self._anchor = np.zeros(3)
-        self._imu: ImuBatch | None = None
+        self._next: tuple[ImuBatch, NavState] | None = None
         self._left: list[tuple[int, FloatArray]] = []
         self._counts: Counter[str] = Counter()
 
@@ -87,14 +87,15 @@ class Smoother:
 
     def propagate(self, imu: ImuBatch) -> NavState:
         """Predict the next image's state and keep the samples for its factor."""
-        self._imu = imu
-        return integrate(self._states.newest(), imu, self._gravity)
+        predicted = integrate(self._states.newest(), imu, self._gravity)
+        self._next = imu, predicted
+        return predicted
 
     def update(self, observations: Observations, stationary: bool) -> Estimate:
         """Add the image's state and sightings, optimise, and let the oldest image go."""
-        if self._imu is not None:
-            self._append_state(self._imu)
-            self._imu = None
+        if self._next is not None:
+            self._append_state(*self._next)
+            self._next = None
         self._counts["observations"] += len(observations)
         self._move_anchor()
         if stationary:
@@ -130,8 +131,7 @@ class Smoother:
         live = {"in_window": self._tracks.live_observations()}
         return dict(self._counts + self._tracks.counts) | live
 
-    def _append_state(self, imu: ImuBatch) -> None:
-        predicted = integrate(self._states.newest(), imu, self._gravity)
+    def _append_state(self, imu: ImuBatch, predicted: NavState) -> None:
         i, j = self._frame, self._frame + 1
         self._motion[i] = [self._preintegrator.factor(imu, self._states.bias[-1], i, j)]
         self._frame = j
@@ -165,19 +165,23 @@ class Smoother:
         ]
 
     def _optimize(self, stamp_ns: int) -> FloatArray:
-        """Gauss-Newton on the window; the newest state's covariance (15, 15), GTSAM's order."""
-        graph = gtsam.NonlinearFactorGraph()
+        """Gauss-Newton on the window; the newest state's covariance (15, 15), GTSAM's order.
+
+        Tracks that the newest image doesn't see hardly move: they are linearised once, and join
+        the prior for the steps after the first.
+        """
+        graph = self._tracks.usable(self._frame, live=True)
         for factors in self._motion.values():
             for factor in factors:
                 graph.push_back(factor)
-        for factor in self._tracks.usable():
-            graph.push_back(factor)
+        with self._timer.stage("linearize"):
+            settled = self._with_settled_tracks()
         dim = ERROR_DIM * len(self._states)
         for _ in range(self._config.iterations):
             with self._timer.stage("linearize"):
-                H, b = self._dense(graph)
+                H, b = self._dense(graph, self._states.values(self._anchor))
             with self._timer.stage("solve"):
-                self._prior.add_to(H, b, self._states)
+                settled.add_to(H, b, self._states)
                 try:
                     L = cholesky(H, lower=True, overwrite_a=True, check_finite=False)
                 except LinAlgError:
@@ -197,12 +201,23 @@ class Smoother:
         )
         return np.asarray(corner.T @ corner)
 
-    def _dense(self, graph: gtsam.NonlinearFactorGraph) -> tuple[FloatArray, FloatArray]:
-        """The graph linearised at the window: information matrix and vector, in window order."""
+    def _with_settled_tracks(self) -> Prior:
+        """The prior and what the tracks without a sighting in the newest image say."""
+        graph = self._tracks.usable(self._frame, live=False)
+        if graph.size() == 0:
+            return self._prior
+        H, b = self._dense(graph, self._states.values(self._anchor))
+        self._prior.add_to(H, b, self._states)
+        return Prior(self._states, H, b)
+
+    def _dense(
+        self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values
+    ) -> tuple[FloatArray, FloatArray]:
+        """The graph linearised at the window's values: information, in the window's order."""
         dim = ERROR_DIM * len(self._states)
         if graph.size() == 0:
             return np.zeros((dim, dim)), np.zeros(dim)
-        linear = graph.linearize(self._states.values(self._anchor))
+        linear = graph.linearize(values)
         present = linear.keys()
         keys = self._states.keys()
         known = [present.count(key) > 0 for key in keys]
@@ -230,7 +245,7 @@ class Smoother:
             graph.push_back(factor)
         for track in self._fold(self._tracks.take_starting_at(oldest), values):
             graph.push_back(track.factor)
-        H, b = self._dense(graph)
+        H, b = self._dense(graph, values)
         self._prior.add_to(H, b, self._states)
         try:
             self._prior = marginalize_oldest(H, b, self._states)

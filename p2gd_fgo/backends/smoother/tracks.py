@@ -80,9 +80,13 @@ class TrackFactors:
             track.factor.add(z, key)
             track.frames.append(frame)
 
-    def usable(self) -> list[gtsam.SmartProjectionPoseFactorCal3_S2]:
-        """Factors with two sightings or more."""
-        return [t.factor for t in self._tracks.values() if len(t.frames) > 1]
+    def usable(self, frame: int, *, live: bool) -> gtsam.NonlinearFactorGraph:
+        """Factors of two sightings or more: those seen in ``frame``, or those that are not."""
+        graph = gtsam.NonlinearFactorGraph()
+        for track in self._tracks.values():
+            if len(track.frames) > 1 and (track.frames[-1] == frame) == live:
+                graph.push_back(track.factor)
+        return graph
 
     def take_starting_at(self, frame: int) -> list[Track]:
         """Remove and return the tracks whose first sighting is ``frame``."""

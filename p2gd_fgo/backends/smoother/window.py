@@ -98,6 +98,11 @@ class WindowStates:
             axis=1,
         )
 
+    def equals(self, other: WindowStates) -> bool:
+        """Whether all numbers are the same."""
+        pairs = ((self.R, other.R), (self.p, other.p), (self.v, other.v), (self.bias, other.bias))
+        return all(np.array_equal(mine, theirs) for mine, theirs in pairs)
+
     def newest(self) -> NavState:
         """The last state."""
         return NavState(
