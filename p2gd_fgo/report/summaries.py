@@ -7,9 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from p2gd_fgo.timing import WHOLE_FRAME
 from p2gd_fgo.types import Event
 
-TOTAL_STAGE = "frame"
+TOTAL_STAGE = WHOLE_FRAME
+OUTSIDE_STAGE = "decode"
+"""Reading the image: not counted in the frame."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,10 +38,14 @@ def summarize_timing(
 ) -> dict[str, StageTime]:
     """CPU time by stage of rows (stage to CPU and wall ms), in order of first appearance.
 
-    The stage ``frame``, where there is one, is the whole of a frame and comes first.
+    The stage ``frame`` is the whole of a frame and comes first; what is outside it comes last. Inner
+    stages (``outer.inner``) follow their outer one.
     """
-    stages = dict.fromkeys(stage for row in rows for stage in row)
-    ordered = sorted(stages, key=lambda stage: stage != TOTAL_STAGE)
+    stages = list(dict.fromkeys(stage for row in rows for stage in row))
+    outer = [stage.partition(".")[0] for stage in stages]
+    rank = {stage: k for k, stage in enumerate(dict.fromkeys(outer))}
+    rank |= {TOTAL_STAGE: -1, OUTSIDE_STAGE: len(stages)}
+    ordered = sorted(stages, key=lambda stage: rank[stage.partition(".")[0]])
     out = {}
     for stage in ordered:
         cpu_ms = np.array([row[stage][0] for row in rows if stage in row])

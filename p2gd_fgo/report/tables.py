@@ -15,7 +15,7 @@ from rich.text import Text
 
 from p2gd_fgo.evaluation.metrics import Accuracy, Metrics
 from p2gd_fgo.evaluation.trajectory_errors import RelativeError
-from p2gd_fgo.report.summaries import TOTAL_STAGE, EventCount, StageTime
+from p2gd_fgo.report.summaries import OUTSIDE_STAGE, TOTAL_STAGE, EventCount, StageTime
 
 ALIGNMENT_MEANING = {
     "yaw_pos": "position + yaw",
@@ -172,8 +172,10 @@ def _facts(metrics: Metrics) -> list[tuple[str, str]]:
 def _timing(timing: Mapping[str, StageTime]) -> Table:
     table = _grid("stage", "median ms", "p95 ms", "frames")
     for stage, time in timing.items():
+        outer, _, inner = stage.partition(".")
+        name = f"  {inner}" if inner else outer
         table.add_row(
-            stage,
+            f"{name} (not in the frame)" if stage == OUTSIDE_STAGE else name,
             f"{time.median_cpu_ms:.2f}",
             f"{time.p95_cpu_ms:.2f}",
             str(time.frames),
