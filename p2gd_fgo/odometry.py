@@ -127,12 +127,12 @@ class Odometry:
         """
         stamp_ns += self.offset_ns
         with self.timer.stage("frame"):
-            with self.timer.stage("propagate"):
-                imu = self._imu_to(stamp_ns)
-                predicted = self._backend.propagate(imu) if self._estimate and imu else None
+            imu = self._imu_to(stamp_ns)
             with self.timer.stage("track"):
                 self.tracked = self._frontend.track(stamp_ns, image, self._camera_turn(imu))
                 still = self._is_still(stamp_ns)
+            with self.timer.stage("propagate"):
+                predicted = self._backend.propagate(imu) if self._estimate and imu else None
             with self.timer.stage("distribute"):
                 quotas = self._distribution.quotas(self._context(predicted, priors))
             with self.timer.stage("extract"):

@@ -214,17 +214,17 @@ def _trajectory(estimates: list[Estimate]) -> Trajectory:
 
 
 def _standstills(estimates: list[Estimate]) -> list[Event]:
-    """One event for each standstill, with its length."""
+    """One event for each standstill, with its length up to the first image that moves."""
     events = []
     begin: int | None = None
-    for k, estimate in enumerate([*estimates, None]):
-        still = estimate is not None and estimate.stationary
-        if still and begin is None:
+    for k, estimate in enumerate(estimates):
+        last = k == len(estimates) - 1
+        if estimate.stationary and begin is None:
             begin = k
-        if not still and begin is not None:
-            first, last = estimates[begin].state.stamp_ns, estimates[k - 1].state.stamp_ns
-            seconds = (last - first) / NANOSECONDS
+        if begin is not None and (last or not estimate.stationary):
+            first_ns = estimates[begin].state.stamp_ns
+            seconds = (estimate.state.stamp_ns - first_ns) / NANOSECONDS
             message = f"standing still for {seconds:.1f} s: vision muted, zero velocity"
-            events.append(Event(first, "standstill", message, {"duration_s": seconds}))
+            events.append(Event(first_ns, "standstill", message, {"duration_s": seconds}))
             begin = None
     return events

@@ -18,3 +18,12 @@ def recordings() -> Path:
     if not path.is_dir():
         pytest.skip(f"no recordings at {path}")
     return path
+
+
+@pytest.fixture(scope="session")
+def short_demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of 7 s of the demo in small images: 2 s of standstill, then 3.9 m."""
+    from p2gd_fgo.simulation.demo import DemoParameters, demo_sequence  # loads numpy: not earlier
+
+    parameters = DemoParameters(duration_s=7.0, width=400, height=300)
+    return demo_sequence(tmp_path_factory.mktemp("demo"), parameters=parameters)

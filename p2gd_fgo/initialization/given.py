@@ -12,6 +12,7 @@ from p2gd_fgo.geometry.pose import from_rotation_translation, interpolate, inter
 from p2gd_fgo.initialization.base import Start
 from p2gd_fgo.types import NANOSECONDS, FloatArray, ImuBatch, IntArray, NavState, Truth, Waiting
 
+_MAX_TRUTH_GAP_NS = 500_000_000  # the evaluation doesn't bridge longer holes either
 _DERIVATIVE_NS = 50_000_000  # half the base of the difference that gives a missing velocity
 
 
@@ -53,6 +54,9 @@ class GivenStart:
                 return Waiting(stamp_ns, "waiting for the truth to begin")
             if stamp_ns > stamps[-1]:
                 raise self.refusal()
+            i, j, w = interpolation_weights(stamps, np.array([stamp_ns]))
+            if 0.0 < w[0] < 1.0 and stamps[j[0]] - stamps[i[0]] > _MAX_TRUTH_GAP_NS:
+                return Waiting(stamp_ns, "waiting for a hole in the truth to end")
             T = interpolate(truth.trajectory, np.array([stamp_ns]))[0]
             velocity = _velocity(truth, stamp_ns)
             loose_velocity = 1.0 if truth.velocity is not None else c.loosening

@@ -14,6 +14,9 @@ from p2gd_fgo.initialization.base import Start
 from p2gd_fgo.initialization.stationary import Stillness, stillness
 from p2gd_fgo.types import ERROR_DIM, NANOSECONDS, FloatArray, ImuBatch, NavState, Waiting
 
+_COVERED_SHARE = 0.9  # of the window, by images that were still one after the other
+_MAX_GRAVITY_ERROR = 1.0  # m/s²; no bias of a working accelerometer is larger
+
 
 class StaticStart:
     """Waits for a standstill, at most ``max_wait_s`` of data.
@@ -30,15 +33,30 @@ class StaticStart:
         self._first_ns: int | None = None
         self._last_ns = 0
         self._best: Stillness | None = None
+        self._still_since_ns: int | None = None
 
     def attempt(self, stamp_ns: int, imu: ImuBatch, buffer: FeatureBuffer) -> Start | Waiting:
-        """Start if the last ``window_s`` were still."""
+        """Start if the last ``window_s`` were still.
+
+        The features of a fast camera don't live that long: then the images of the window are
+        compared in shorter spans, one after the other.
+        """
         if self._first_ns is None:
             self._first_ns = stamp_ns
         self._last_ns = stamp_ns
         window_s = self._config.window_s
-        now = stillness(stamp_ns, imu, buffer, window_s, self._stationary)
-        if now.still:
+        was_still = self._still_since_ns is not None
+        now = stillness(stamp_ns, imu, buffer, window_s, self._stationary, was_still=was_still)
+        if now.still and not was_still:
+            self._still_since_ns = now.since_ns
+        elif not (now.still or _undecided(now, self._stationary)):
+            self._still_since_ns = None
+        since_ns = self._still_since_ns
+        if (
+            now.still
+            and since_ns is not None
+            and stamp_ns - since_ns >= _COVERED_SHARE * window_s * NANOSECONDS
+        ):
             part = between(imu, stamp_ns - int(window_s * NANOSECONDS), stamp_ns)
             state, covariance = level_state(part, self._config, self._gravity)
             waited = (stamp_ns - self._first_ns) / NANOSECONDS
@@ -64,17 +82,34 @@ class StaticStart:
         )
 
 
+def _undecided(now: Stillness, config: StationaryConfig) -> bool:
+    """The IMU is quiet, but there is nothing to compare: all tracks have just begun."""
+    quiet = now.gyro_std <= config.max_gyro_std and now.accel_std <= config.max_accel_std
+    return now.covered and quiet and now.features < config.min_features
+
+
 def level_state(
     imu: ImuBatch, config: StaticStartConfig, gravity: float
 ) -> tuple[NavState, FloatArray]:
     """State and covariance (15, 15) from samples at rest.
 
-    The mean specific force is R^T g + b_a + noise. Its direction gives the tilt; the accelerometer
-    bias stays zero with the prior's sigma, and one Kalman update of the covariance makes the tilt
-    and the bias as correlated as they are.
+    The mean specific force is R^T g + b_a + noise. Its direction gives the tilt; one Kalman update
+    makes the tilt and the accelerometer's bias as correlated as they are, and gives the bias along
+    gravity from what the force's size has over g.
+
+    Raises
+    ------
+    InitializationError
+        The size of the mean force is not gravity's.
     """
     mean_force = imu.accel.mean(axis=0)
-    up = mean_force / np.linalg.norm(mean_force)
+    size = float(np.linalg.norm(mean_force))
+    if abs(size - gravity) > _MAX_GRAVITY_ERROR:
+        raise InitializationError(
+            f"at rest the accelerometer reads {size:.4g} m/s², more than {_MAX_GRAVITY_ERROR:g} "
+            f"m/s² off imu.gravity = {gravity:g}: check the unit of its samples"
+        )
+    up = mean_force / size
     x_axis = np.array([1.0, 0.0, 0.0]) if abs(up[0]) < 0.9 else np.array([0.0, 0.0, 1.0])
     forward = x_axis - up * (up @ x_axis)
     forward /= np.linalg.norm(forward)
@@ -96,12 +131,13 @@ def level_state(
     K = np.linalg.solve(H @ P @ H.T + noise, H @ P).T
     A = np.eye(ERROR_DIM) - K @ H
     P = A @ P @ A.T + K @ noise @ K.T
+    accel_bias = K[12:15] @ (mean_force - gravity * up)
 
     state = NavState(
         int(imu.stamps_ns[-1]),
         from_rotation_translation(R_world_imu, np.zeros(3)),
         np.zeros(3),
         imu.gyro.mean(axis=0),
-        np.zeros(3),
+        accel_bias,
     )
     return state, P

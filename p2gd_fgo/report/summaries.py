@@ -38,8 +38,8 @@ def summarize_timing(
 ) -> dict[str, StageTime]:
     """CPU time by stage of rows (stage to CPU and wall ms), in order of first appearance.
 
-    The stage ``frame`` is the whole of a frame and comes first; what is outside it comes last. Inner
-    stages (``outer.inner``) follow their outer one.
+    The stage ``frame`` is the whole of a frame and comes first; what is outside it comes last.
+    Inner stages (``outer.inner``) follow their outer one.
     """
     stages = list(dict.fromkeys(stage for row in rows for stage in row))
     outer = [stage.partition(".")[0] for stage in stages]

@@ -39,7 +39,7 @@ class FeatureModel:
     pixel_noise_px
         1 sigma.
     outlier_share
-        Share of tracks that leave their landmark half way, by up to 50 px.
+        Share of tracks that slide off their landmark in their first images, by up to 50 px an axis.
     """
 
     landmarks_per_m: float = 20.0

@@ -103,16 +103,20 @@ class Smoother:
             self._counts["muted_standing_still"] += len(observations)
         else:
             self._tracks.add(observations, self._frame)
-        covariance = self._optimize(observations.stamp_ns)
-        estimate = Estimate(
-            self._states.newest(),
-            error_covariance(covariance, self._states.R[-1]),
-            self._states.trajectory(),
-            stationary,
-        )
-        if len(self._states) >= self._size:
-            with self._timer.stage("marginalize"):
-                self._marginalize(observations.stamp_ns)
+        try:
+            covariance = self._optimize(observations.stamp_ns)
+            estimate = Estimate(
+                self._states.newest(),
+                error_covariance(covariance, self._states.R[-1]),
+                self._states.trajectory(),
+                stationary,
+            )
+            if len(self._states) >= self._size:
+                with self._timer.stage("marginalize"):
+                    self._marginalize(observations.stamp_ns)
+        except RuntimeError as error:  # what GTSAM throws
+            reason = f"GTSAM refused the window, {str(error).splitlines()[0]}: diverged"
+            raise EstimatorError(observations.stamp_ns, reason) from error
         return estimate
 
     def finish(self) -> Trajectory:
@@ -149,11 +153,15 @@ class Smoother:
             self._anchor = newest.copy()
 
     def _hold_still(self) -> None:
-        """Standing still since the last image: no velocity, the same pose."""
-        if len(self._states) < 2:
+        """No velocity at the image before this one, and the pose of the image before that.
+
+        What is asserted lies one image back: the detector looks at a window, and its newest image
+        may already have begun to move by less than it can see.
+        """
+        if len(self._states) < 3:
             return
         c = self._config
-        i, j = self._frame - 1, self._frame
+        i, j = self._frame - 2, self._frame - 1
         sigmas = [np.radians(c.sigma_still_rotation_deg)] * 3 + [c.sigma_still_position] * 3
         self._motion[i] += [
             gtsam.PriorFactorVector(
@@ -175,15 +183,18 @@ class Smoother:
             for factor in factors:
                 graph.push_back(factor)
         with self._timer.stage("linearize"):
-            settled = self._with_settled_tracks()
+            values = self._states.values(self._anchor)
+            settled = self._with_settled_tracks(values)
         dim = ERROR_DIM * len(self._states)
-        for _ in range(self._config.iterations):
+        for iteration in range(self._config.iterations):
             with self._timer.stage("linearize"):
-                H, b = self._dense(graph, self._states.values(self._anchor))
+                if iteration > 0:
+                    values = self._states.values(self._anchor)
+                H, b = self._dense(graph, values)
             with self._timer.stage("solve"):
                 settled.add_to(H, b, self._states)
                 try:
-                    L = cholesky(H, lower=True, overwrite_a=True, check_finite=False)
+                    L = cholesky(H.T, lower=True, overwrite_a=True, check_finite=False)
                 except LinAlgError:
                     raise EstimatorError(
                         stamp_ns, "the window's system is singular: the estimator diverged"
@@ -201,12 +212,12 @@ class Smoother:
         )
         return np.asarray(corner.T @ corner)
 
-    def _with_settled_tracks(self) -> Prior:
+    def _with_settled_tracks(self, values: gtsam.Values) -> Prior:
         """The prior and what the tracks without a sighting in the newest image say."""
         graph = self._tracks.usable(self._frame, live=False)
         if graph.size() == 0:
             return self._prior
-        H, b = self._dense(graph, self._states.values(self._anchor))
+        H, b = self._dense(graph, values)
         self._prior.add_to(H, b, self._states)
         return Prior(self._states, H, b)
 
@@ -226,6 +237,7 @@ class Smoother:
             if is_known:
                 ordering.push_back(key)
         H, b = linear.hessian(ordering)
+        H = H.T  # symmetric, but stored by columns: the prior is added by rows
         if all(known):
             return H, b.ravel()
         # Keys that no factor touches have no dimension in GTSAM's matrix: put it in its place.

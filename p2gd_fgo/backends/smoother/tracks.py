@@ -19,6 +19,11 @@ from p2gd_fgo.config import SmootherConfig
 from p2gd_fgo.geometry.camera import Camera
 from p2gd_fgo.types import FloatArray, Observations
 
+# Singular value of GTSAM's linear triangulation below which a track is not used: about focal
+# length times spread of the cameras. With less baseline, pixel noise decides the depth of a
+# point: the estimate of a vehicle that slows down becomes overconfident, and its window singular.
+_LEAST_BASELINE_PX_M = 50.0
+
 _STATUS_NAMES = {
     gtsam.TriangulationResult.Status.DEGENERATE: "rejected_degenerate",
     gtsam.TriangulationResult.Status.BEHIND_CAMERA: "rejected_behind_camera",
@@ -56,6 +61,7 @@ class TrackFactors:
             False,  # verbose
             1e-3,  # retriangulate when the cameras moved by more than this
         )
+        params.setRankTolerance(_LEAST_BASELINE_PX_M)
         params.setLandmarkDistanceThreshold(config.landmark_distance)
         params.setDynamicOutlierRejectionThreshold(config.outlier_px)
         self._params = params

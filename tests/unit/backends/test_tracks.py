@@ -1,0 +1,98 @@
+"""One landmark's way through the factors, its gates, and the account of sightings."""
+
+from __future__ import annotations
+
+import gtsam
+import numpy as np
+import pytest
+from gtsam.symbol_shorthand import X
+
+from p2gd_fgo.backends.smoother.tracks import TrackFactors
+from p2gd_fgo.config import SmootherConfig
+from p2gd_fgo.geometry.camera import RadTanCamera
+from p2gd_fgo.types import FloatArray, Observations
+
+CAMERA = RadTanCamera(800, 600, 500.0, 500.0, 400.0, 300.0, -0.1, 0.05, 0.0, 0.0)
+STEP_M = 0.5  # sideways, from image to image
+NEAR = np.array([0.5, 0.3, 8.0])
+
+
+def values(frames: int) -> gtsam.Values:
+    out = gtsam.Values()
+    for k in range(frames):
+        out.insert(X(k), pose3=gtsam.Pose3(gtsam.Rot3(), np.array([k * STEP_M, 0.0, 0.0])))
+    return out
+
+
+def sighting(
+    point: FloatArray, frame: int, offset_px: tuple[float, float], track: int = 7
+) -> Observations:
+    x, y, z = point - [frame * STEP_M, 0.0, 0.0]
+    normalized = np.array([[x / z, y / z]]) + np.array(offset_px) / 500.0
+    pixels = np.zeros((1, 2))  # the factors live on the undistorted coordinates
+    return Observations(frame, np.array([track]), pixels, normalized)
+
+
+def tracked(point: FloatArray, frames: int, *, offset_px: float = 0.0) -> TrackFactors:
+    """A point seen in all frames, the middle one off by so much across the motion."""
+    factors = TrackFactors(CAMERA, np.eye(4), 1.0, SmootherConfig())
+    for k in range(frames):
+        factors.add(sighting(point, k, (0.0, offset_px if k == frames // 2 else 0.0)), k)
+    return factors
+
+
+@pytest.mark.parametrize(
+    ("point", "offset_px", "fate"),
+    [
+        (NEAR, 0.0, "marginalized"),
+        (NEAR, 2.0, "marginalized"),
+        (NEAR, 6.0, "rejected_chi_square"),
+        (NEAR, 40.0, "rejected_outlier"),
+        (np.array([1.0, 1.0, 200.0]), 0.0, "rejected_far"),
+    ],
+)
+def test_gates(point: FloatArray, offset_px: float, fate: str) -> None:
+    factors = tracked(point, 5, offset_px=offset_px)
+    leaving = factors.take_starting_at(0)
+    accepted = factors.accept(leaving, values(5))
+    assert factors.counts == {fate: 5}
+    assert accepted == (leaving if fate == "marginalized" else [])
+
+
+def test_single_sighting_and_no_baseline_are_not_used() -> None:
+    factors = TrackFactors(CAMERA, np.eye(4), 1.0, SmootherConfig())
+    factors.add(sighting(NEAR, 0, (0.0, 0.0)), 0)
+    assert factors.usable(0, live=True).size() == 0
+    factors.accept(factors.take_starting_at(0), values(1))
+    assert factors.counts == {"single_view": 1}
+
+    still = gtsam.Values()
+    for k in range(4):
+        still.insert(X(k), pose3=gtsam.Pose3(gtsam.Rot3(), np.array([0.001 * k, 0.0, 0.0])))
+        factors.add(sighting(NEAR, 0, (0.3 * k, 0.0)), k)
+    factors.accept(factors.take_starting_at(0), still)
+    assert factors.counts["rejected_degenerate"] == 4
+
+
+def test_track_seen_again_after_folding_starts_anew() -> None:
+    factors = tracked(NEAR, 4)
+    (folded,) = factors.take_starting_at(0)
+    assert folded.frames == [0, 1, 2, 3]
+    assert factors.live_observations() == 0
+    for k in (4, 5):
+        factors.add(sighting(NEAR, k, (0.0, 0.0)), k)
+    assert [folded.factor.keys()[i] for i in range(4)] == [X(k) for k in range(4)]
+    live = factors.usable(5, live=True)
+    assert live.size() == 1
+    assert [live.at(0).keys()[i] for i in range(2)] == [X(4), X(5)]
+    assert factors.live_observations() == 2
+
+
+def test_live_and_settled_tracks_are_told_apart() -> None:
+    factors = tracked(NEAR, 3)
+    for k in (1, 2, 3):
+        factors.add(sighting(NEAR + 1.0, k, (0.0, 0.0), track=8), k)
+    assert factors.usable(3, live=True).size() == 1
+    assert factors.usable(3, live=False).size() == 1
+    assert factors.usable(4, live=False).size() == 2
+    assert [t.frames for t in factors.take_starting_at(1)] == [[1, 2, 3]]
