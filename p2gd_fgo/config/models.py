@@ -174,7 +174,7 @@ class SmootherConfig(Model):
 
     iterations: int = Field(2, ge=1, le=20, description="Gauss-Newton steps a frame at most")
     step_tolerance: Positive = Field(
-        0.1, description="stop after a step below this many standard deviations (RMS over states)"
+        0.2, description="stop after a step below this many standard deviations (RMS over states)"
     )
     landmark_distance: Positive = Field(
         75.0, description="m; farther points show too little parallax in a window to be used"

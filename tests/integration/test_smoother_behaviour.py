@@ -26,7 +26,7 @@ def test_standing_still_for_15_s(name: str, drift_m: float, jump_m: float) -> No
     still = np.flatnonzero(recording.still)
     assert np.linalg.norm(positions[still[-1]] - positions[still[0]]) < drift_m
     # What moves is the correction that the standstill brings; once it is made, nothing does.
-    assert np.linalg.norm(positions[still[-1]] - positions[still[30]]) < 0.03
+    assert np.linalg.norm(positions[still[-1]] - positions[still[30]]) < 2.0 * jump_m
     # Nothing jumps when the tracks begin anew: the error goes on from where it was.
     error_steps = np.linalg.norm(np.diff(result.errors[:, 3:], axis=0), axis=1)
     assert error_steps[still[0] : still[-1]].max() < drift_m
