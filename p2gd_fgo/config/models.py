@@ -134,12 +134,12 @@ class GivenStartConfig(Model):
     accel_bias: Vector3 | None = Field(
         None, description="m/s²; null: from truth where it has one, else 0"
     )
-    sigma_tilt_deg: Positive = Field(0.5, description="roll and pitch, 1 sigma")
+    sigma_tilt_deg: Positive = Field(0.2, description="roll and pitch, 1 sigma")
     sigma_yaw_deg: Positive = Field(0.1, description="1 sigma (a free choice of the frame)")
     sigma_position: Positive = Field(0.01, description="m, 1 sigma (a free choice of the frame)")
-    sigma_velocity: Positive = Field(0.1, description="m/s, 1 sigma")
-    sigma_gyro_bias: Positive = Field(0.005, description="rad/s, 1 sigma")
-    sigma_accel_bias: Positive = Field(0.05, description="m/s², 1 sigma")
+    sigma_velocity: Positive = Field(0.05, description="m/s, 1 sigma")
+    sigma_gyro_bias: Positive = Field(0.002, description="rad/s, 1 sigma")
+    sigma_accel_bias: Positive = Field(0.02, description="m/s², 1 sigma")
     loosening: Annotated[float, Field(ge=1)] = Field(
         5.0, description="factor on the sigma of what truth doesn't give and is derived or guessed"
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+from scipy import ndimage
 
 from p2gd_fgo.config import FrontendConfig
 from p2gd_fgo.geometry.camera import RadTanCamera
@@ -33,13 +34,12 @@ def texture(seed: int = 0, width: int = WIDTH, height: int = HEIGHT) -> Image:
 
 
 def shifted(image: Image, flow: tuple[float, float]) -> Image:
-    """The image moved by flow (x, y) px."""
-    matrix = np.array([[1.0, 0.0, flow[0]], [0.0, 1.0, flow[1]]])
-    size = (image.shape[1], image.shape[0])
-    moved = cv2.warpAffine(
-        image, matrix, size, flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT
-    )
-    return np.asarray(moved, dtype=np.uint8)
+    """The image moved by flow (x, y) px.
+
+    Not by OpenCV, whose warps round positions to 1/32 px in some versions.
+    """
+    moved = ndimage.shift(image.astype(np.float64), flow[::-1], order=3, mode="mirror")
+    return np.asarray(np.clip(np.rint(moved), 0, 255), dtype=np.uint8)
 
 
 def rotated_view(image: Image, R_cam_prev: FloatArray) -> Image:

@@ -82,7 +82,8 @@ def test_biases_of_the_configuration_win_over_truth() -> None:
 
 
 def test_tilt_and_yaw_are_the_worlds() -> None:
-    start = start_at(GivenStart(GivenStartConfig(), truth(), 0), BEGIN_NS + 3 * NANOSECONDS)
+    config = GivenStartConfig(sigma_tilt_deg=0.5, sigma_yaw_deg=0.1)
+    start = start_at(GivenStart(config, truth(), 0), BEGIN_NS + 3 * NANOSECONDS)
     R = start.state.T_world_imu[:3, :3]
     world = R @ start.covariance[:3, :3] @ R.T
     np.testing.assert_allclose(np.degrees(np.sqrt(np.diag(world))), [0.5, 0.5, 0.1])
