@@ -178,13 +178,13 @@ class Smoother:
         Tracks that the newest image doesn't see hardly move: they are linearised once, and join
         the prior for the steps after the first.
         """
-        graph = self._tracks.usable(self._frame, live=True)
+        graph, settled_tracks = self._tracks.usable(self._frame)
         for factors in self._motion.values():
             for factor in factors:
                 graph.push_back(factor)
         with self._timer.stage("linearize"):
             values = self._states.values(self._anchor)
-            settled = self._with_settled_tracks(values)
+            settled = self._with_settled(settled_tracks, values)
         dim = ERROR_DIM * len(self._states)
         for iteration in range(self._config.iterations):
             with self._timer.stage("linearize"):
@@ -212,12 +212,11 @@ class Smoother:
         )
         return np.asarray(corner.T @ corner)
 
-    def _with_settled_tracks(self, values: gtsam.Values) -> Prior:
+    def _with_settled(self, tracks: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> Prior:
         """The prior and what the tracks without a sighting in the newest image say."""
-        graph = self._tracks.usable(self._frame, live=False)
-        if graph.size() == 0:
+        if tracks.size() == 0:
             return self._prior
-        H, b = self._dense(graph, values)
+        H, b = self._dense(tracks, values)
         self._prior.add_to(H, b, self._states)
         return Prior(self._states, H, b)
 

@@ -68,6 +68,7 @@ class TrackFactors:
         self._gate = config.gate_probability
         self._gates: dict[int, float] = {}
         self._tracks: dict[int, Track] = {}
+        self._starting_at: dict[int, list[int]] = {}  # frame to the ids of the tracks that begin
         self.counts: Counter[str] = Counter()
 
     def add(self, observations: Observations, frame: int) -> None:
@@ -83,21 +84,21 @@ class TrackFactors:
                     )
                 )
                 self._tracks[track_id] = track
+                self._starting_at.setdefault(frame, []).append(track_id)
             track.factor.add(z, key)
             track.frames.append(frame)
 
-    def usable(self, frame: int, *, live: bool) -> gtsam.NonlinearFactorGraph:
-        """Factors of two sightings or more: those seen in ``frame``, or those that are not."""
-        graph = gtsam.NonlinearFactorGraph()
+    def usable(self, frame: int) -> tuple[gtsam.NonlinearFactorGraph, gtsam.NonlinearFactorGraph]:
+        """Factors of two sightings or more: those seen in ``frame``, and those that are not."""
+        live, settled = gtsam.NonlinearFactorGraph(), gtsam.NonlinearFactorGraph()
         for track in self._tracks.values():
-            if len(track.frames) > 1 and (track.frames[-1] == frame) == live:
-                graph.push_back(track.factor)
-        return graph
+            if len(track.frames) > 1:
+                (live if track.frames[-1] == frame else settled).push_back(track.factor)
+        return live, settled
 
     def take_starting_at(self, frame: int) -> list[Track]:
         """Remove and return the tracks whose first sighting is ``frame``."""
-        ids = [i for i, t in self._tracks.items() if t.frames[0] == frame]
-        return [self._tracks.pop(i) for i in ids]
+        return [self._tracks.pop(i) for i in self._starting_at.pop(frame, [])]
 
     def accept(self, tracks: list[Track], values: gtsam.Values) -> list[Track]:
         """Those that may enter the prior; the others are counted under the gate's name."""

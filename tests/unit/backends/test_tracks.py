@@ -62,7 +62,7 @@ def test_gates(point: FloatArray, offset_px: float, fate: str) -> None:
 def test_single_sighting_and_no_baseline_are_not_used() -> None:
     factors = TrackFactors(CAMERA, np.eye(4), 1.0, SmootherConfig())
     factors.add(sighting(NEAR, 0, (0.0, 0.0)), 0)
-    assert factors.usable(0, live=True).size() == 0
+    assert factors.usable(0)[0].size() == 0
     factors.accept(factors.take_starting_at(0), values(1))
     assert factors.counts == {"single_view": 1}
 
@@ -82,7 +82,7 @@ def test_track_seen_again_after_folding_starts_anew() -> None:
     for k in (4, 5):
         factors.add(sighting(NEAR, k, (0.0, 0.0)), k)
     assert [folded.factor.keys()[i] for i in range(4)] == [X(k) for k in range(4)]
-    live = factors.usable(5, live=True)
+    live = factors.usable(5)[0]
     assert live.size() == 1
     assert [live.at(0).keys()[i] for i in range(2)] == [X(4), X(5)]
     assert factors.live_observations() == 2
@@ -92,7 +92,7 @@ def test_live_and_settled_tracks_are_told_apart() -> None:
     factors = tracked(NEAR, 3)
     for k in (1, 2, 3):
         factors.add(sighting(NEAR + 1.0, k, (0.0, 0.0), track=8), k)
-    assert factors.usable(3, live=True).size() == 1
-    assert factors.usable(3, live=False).size() == 1
-    assert factors.usable(4, live=False).size() == 2
+    assert factors.usable(3)[0].size() == 1
+    assert factors.usable(3)[1].size() == 1
+    assert factors.usable(4)[1].size() == 2
     assert [t.frames for t in factors.take_starting_at(1)] == [[1, 2, 3]]
