@@ -228,7 +228,9 @@ class RuntimeConfig(Model):
 class Config(Model):
     """All of a run."""
 
-    name: str | None = Field(None, description="of the run; null: the recording's folder")
+    name: str | None = Field(
+        None, pattern=r"^\w[\w .+-]*$", description="of the run; null: the recording's folder"
+    )
     dataset: DatasetConfig = DatasetConfig()
     imu: ImuConfig = ImuConfig()
     frontend: FrontendConfig = FrontendConfig()

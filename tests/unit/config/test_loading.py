@@ -354,3 +354,9 @@ def test_models_are_frozen_and_every_field_is_described() -> None:
                 assert info.description, f"{type(model).__name__}.{name}"
             with pytest.raises(ValidationError):
                 setattr(model, name, getattr(model, name))
+
+
+@pytest.mark.parametrize("name", ["../up", "a/b", "..", ""])
+def test_a_name_is_no_path(name: str) -> None:
+    with pytest.raises(ConfigError, match="name is"):
+        override(load_config(), {"name": name})
