@@ -229,7 +229,7 @@ class Config(Model):
     """All of a run."""
 
     name: str | None = Field(
-        None, pattern=r"^\w[\w .+-]*$", description="of the run; null: the recording's folder"
+        None, pattern=r"^[^./\\][^/\\]*$", description="of the run; null: the recording's folder"
     )
     dataset: DatasetConfig = DatasetConfig()
     imu: ImuConfig = ImuConfig()
