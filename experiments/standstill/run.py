@@ -1,0 +1,67 @@
+"""How far does the estimate move while a robot stands for 15 s? Prints a table in markdown."""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import argparse
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+
+import numpy as np
+
+from p2gd_fgo.backends.smoother import Smoother
+from p2gd_fgo.config import load_config
+from p2gd_fgo.evaluation.feature_runs import detected_still, run_features
+from p2gd_fgo.simulation.feature_recording import ROBOT_PLATFORM, record_features
+from p2gd_fgo.simulation.imu import MEMS_NOISE
+
+STOPS = ((40.0, 22.0, 37.0), (30.0, 10.0, 25.0))  # length of the drive, begin and end of the stop
+DETECTION_S = 0.5
+SETTLED_FRAMES = 30
+
+
+def job(seed: int, duration_s: float, begin_s: float, end_s: float) -> tuple[float, ...]:
+    rng = np.random.default_rng(seed)
+    recording = record_features(ROBOT_PLATFORM, duration_s, rng, stops_s=((begin_s, end_s),))
+    backend = Smoother(recording.calibration, MEMS_NOISE, 9.81, load_config().backend)
+    still = detected_still(recording, DETECTION_S)
+    result = run_features(backend, recording, np.random.default_rng([seed, 1]), stationary=still)
+    p = np.array([e.state.T_world_imu[:3, 3] for e in result.estimates])
+    at = np.flatnonzero(recording.still)
+    first, settled, last = at[0], at[SETTLED_FRAMES], at[-1]
+    return (
+        float(np.linalg.norm(p[last] - p[first])),
+        float(np.linalg.norm(p[last] - p[settled])),
+        float(result.position_error[first]),
+        float(result.position_error[last]),
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=10)
+    parser.add_argument("--jobs", type=int, default=2)
+    options = parser.parse_args()
+    write = sys.stdout.write
+    write(
+        "| stop s | seed | moved m | moved from 3 s on m | error at its begin m | at its end m |\n"
+    )
+    write("|---|---|---|---|---|---|\n")
+    with ProcessPoolExecutor(options.jobs) as pool:
+        for duration_s, begin_s, end_s in STOPS:
+            work = partial(job, duration_s=duration_s, begin_s=begin_s, end_s=end_s)
+            rows = list(pool.map(work, range(options.seeds)))
+            name = f"{begin_s:g}-{end_s:g}"
+            for seed, row in enumerate(rows):
+                write(f"| {name} | {seed} | {' | '.join(f'{v:.3f}' for v in row)} |\n")
+            median = np.median(rows, axis=0)
+            write(f"| {name} | median | {' | '.join(f'**{v:.3f}**' for v in median)} |\n")
+
+
+if __name__ == "__main__":
+    main()
