@@ -28,7 +28,8 @@ if TYPE_CHECKING:
     from p2gd_fgo.experiment import Experiment, run_experiment
     from p2gd_fgo.geometry.camera import EquidistantCamera, RadTanCamera
     from p2gd_fgo.odometry import Odometry
-    from p2gd_fgo.pipeline import Observer, RunResult, run_sequence
+    from p2gd_fgo.pipeline import Observer, run_sequence
+    from p2gd_fgo.recorder import RunResult
     from p2gd_fgo.trajectory_files import read_trajectory, write_tum
     from p2gd_fgo.types import Estimate, ImuBatch, NavState, PriorPoses, Trajectory, Waiting
 
@@ -49,7 +50,7 @@ _HOMES = {
     "Odometry": "odometry",
     "PriorPoses": "types",
     "RadTanCamera": "geometry.camera",
-    "RunResult": "pipeline",
+    "RunResult": "recorder",
     "Sequence": "datasets",
     "Trajectory": "types",
     "Waiting": "types",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -10,12 +10,20 @@ import cv2
 
 from p2gd_fgo.config import Config, config_hash, dump_yaml, resolve
 from p2gd_fgo.datasets import Sequence, open_sequence
-from p2gd_fgo.errors import DataError
+from p2gd_fgo.errors import ConfigError, DataError
 from p2gd_fgo.evaluation.evaluate import ErrorSeries, error_series, evaluate
 from p2gd_fgo.evaluation.evo_bridge import write_result
 from p2gd_fgo.evaluation.metrics import Metrics
-from p2gd_fgo.pipeline import Observer, RunResult, run_sequence
+from p2gd_fgo.evaluation.tracking_quality import (
+    TrackingQuality,
+    camera_rotations,
+    tracking_quality,
+)
+from p2gd_fgo.pipeline import NoObserver, Observer, run_sequence
+from p2gd_fgo.recorder import RunResult
 from p2gd_fgo.report.figures import trajectory_figure
+from p2gd_fgo.report.frame_capture import FrameCapture, Observers
+from p2gd_fgo.report.image_figures import write_image_figures
 from p2gd_fgo.report.summaries import StageTime, summarize_timing
 from p2gd_fgo.run_directory import EVO_RESULT, FIGURE, RunDirectory
 from p2gd_fgo.types import NANOSECONDS, Event, Trajectory
@@ -35,8 +43,12 @@ class Experiment:
         Trajectories, times, events.
     metrics
         Errors against truth, or counts alone without it.
+    tracking
+        Length and parallax of the tracks.
     timing
         CPU by stage.
+    events
+        What a reader must know: of the run, and of its judgement.
     header
         What was chosen, for tables: name and value.
     path
@@ -46,7 +58,9 @@ class Experiment:
     name: str
     result: RunResult
     metrics: Metrics
+    tracking: TrackingQuality
     timing: Mapping[str, StageTime]
+    events: tuple[Event, ...]
     header: list[tuple[str, str]]
     path: Path
 
@@ -57,6 +71,7 @@ def run_experiment(
     out: Path | None = None,
     overwrite: bool = False,
     observer: Observer | None = None,
+    figures: Collection[int] = (),
 ) -> Experiment:
     """Run ``config.dataset.path``, judge the estimate and write the run directory.
 
@@ -66,6 +81,11 @@ def run_experiment(
         The run directory; by default ``results/<name>/<hash of the configuration>``.
     overwrite
         Whether an existing run there may be replaced.
+    observer
+        Told about the run as it goes on.
+    figures
+        Image numbers, from 0, of which a picture is drawn: features, quotas and, where P2GD ran,
+        what it saw and predicted.
 
     Raises
     ------
@@ -74,19 +94,24 @@ def run_experiment(
     """
     cv2.setNumThreads(config.runtime.threads)
     sequence = open_sequence(config.dataset, max_gap_s=config.imu.max_gap_s)
+    _check_figures(figures, len(sequence.image_stamps_ns))
     config = resolve(config, sequence.calibration.camera.width)
     name = config.name or sequence.name
     source = str(Path(config.dataset.path or "").resolve())
     directory = RunDirectory(out or Path("results", name, config_hash(config, source)), overwrite)
     directory.write_config(dump_yaml(config))
+    capture = FrameCapture(figures)
     try:
-        result = run_sequence(sequence, config, observer)
+        result = run_sequence(sequence, config, Observers(observer or NoObserver(), capture))
     except BaseException as error:
         directory.finish("failed", f"stopped by {type(error).__name__}: {error}")
         raise
     truth = sequence.truth.trajectory if sequence.truth else None
-    metrics, errors, result_events = _judge(result, truth)
+    metrics, errors, events = _judge(result, truth)
     header = describe(sequence, config, result, directory.path)
+    tracking = _tracking(sequence, result, truth)
+    pictured = write_image_figures(directory, capture, figures, run=name, priors=result.priors)
+    events = (*events, *pictured)
     timing = summarize_timing(result.timing)
 
     directory.write_trajectory("estimate.tum", result.estimate)
@@ -94,7 +119,8 @@ def run_experiment(
     if truth is not None:
         directory.write_trajectory("truth.tum", truth)
     directory.write_timing(result.timing_stamps_ns, result.timing)
-    directory.write_events(result_events)
+    directory.write_tracks(result.tracks)
+    directory.write_events(events)
     directory.write_metrics(
         metrics.to_json()
         | {
@@ -106,6 +132,7 @@ def run_experiment(
             "distribution": config.distribution.kind,
             "seed": config.runtime.seed,
             "counts": result.counts,
+            "tracking": tracking.to_json(),
             "cpu_ms": {stage: asdict(time) for stage, time in timing.items()},
             "chosen": dict(header),
         }
@@ -127,7 +154,7 @@ def run_experiment(
         note="" if result.status == "done" else f"failed: {result.reason}",
     )
     directory.finish(result.status, result.reason)
-    return Experiment(name, result, metrics, timing, header, directory.path)
+    return Experiment(name, result, metrics, tracking, timing, events, header, directory.path)
 
 
 def describe(
@@ -148,7 +175,7 @@ def describe(
         ("camera", f"{camera.width}x{camera.height} · {type(camera).__name__}"),
         ("back end", backend),
         ("distribution", config.distribution.kind),
-        ("priors", config.priors.source),
+        ("priors", result.priors),
         (
             "features",
             f"{f.max_features} · grid {f.grid[0]}x{f.grid[1]} · {f.min_distance_px:g} px apart · "
@@ -158,6 +185,23 @@ def describe(
         ("seed", str(config.runtime.seed)),
         ("results", str(out)),
     ]
+
+
+def _check_figures(figures: Collection[int], images: int) -> None:
+    for index in figures:
+        if not 0 <= index < images:
+            raise ConfigError(
+                f"a picture of image {index} was asked for, but the recording has {images} images: "
+                f"give numbers from 0 to {images - 1}"
+            )
+
+
+def _tracking(sequence: Sequence, result: RunResult, truth: Trajectory | None) -> TrackingQuality:
+    record = result.tracks
+    estimate = result.smoothed if len(result.smoothed) else result.estimate
+    T_imu_cam = sequence.calibration.T_imu_cam
+    rotations = camera_rotations(record.stamps_ns, truth, estimate, T_imu_cam)
+    return tracking_quality(record, rotations)
 
 
 def _judge(

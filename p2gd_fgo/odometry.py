@@ -8,14 +8,15 @@ from dataclasses import asdict
 import numpy as np
 
 from p2gd_fgo.backends.base import Backend, check_sane
-from p2gd_fgo.backends.factory import make_backend
+from p2gd_fgo.backends.factory import imu_noise, make_backend
 from p2gd_fgo.config import Config, resolve
 from p2gd_fgo.datasets.base import Calibration
-from p2gd_fgo.distribution import DistributionContext, make_distribution
+from p2gd_fgo.distribution import Decision, DistributionContext, Sensors, make_distribution
 from p2gd_fgo.errors import DataError
 from p2gd_fgo.frontend import Frontend, TrackSummary
 from p2gd_fgo.imu import ImuBuffer, between, rotation_over
 from p2gd_fgo.initialization import make_initializer, stillness
+from p2gd_fgo.priors import PriorIntake, PriorSource, make_prior_source
 from p2gd_fgo.timing import StageTimer
 from p2gd_fgo.types import (
     NANOSECONDS,
@@ -44,7 +45,10 @@ class Odometry:
     truth
         For a start from truth; otherwise not looked at.
     mask
-        Features only where this image of the camera's size is not 0.
+        In every image features only where this one, of the camera's size, is not 0.
+    priors
+        Asked for prior poses where none are handed in with an image; by default what
+        ``config.priors`` names and needs no recording.
     timer
         Every stage of an image is timed in it.
 
@@ -63,6 +67,7 @@ class Odometry:
         *,
         truth: Truth | None = None,
         mask: Image | None = None,
+        priors: PriorSource | None = None,
         timer: StageTimer | None = None,
     ) -> None:
         camera = calibration.camera
@@ -75,10 +80,22 @@ class Odometry:
         )
         self._frontend = Frontend(camera, config.frontend, config.runtime.seed, mask)
         f = config.frontend
-        assert f.max_features is not None and f.min_distance_px is not None
+        p2gd = config.distribution.p2gd
+        assert f.max_features is not None and p2gd.horizon is not None
+        noise = imu_noise(config, calibration)
         self._distribution = make_distribution(
-            config.distribution, self._frontend.grid, f.max_features, f.min_distance_px
+            config.distribution,
+            self._frontend.grid,
+            f.max_features,
+            Sensors(noise, config.imu.gravity, config.backend.pixel_noise_px),
+            config.runtime.seed,
         )
+        self._before_tracking = p2gd.when == "before_tracking"
+        self._needs_priors = config.distribution.kind == "p2gd"
+        source = priors or make_prior_source(
+            config.priors, p2gd.horizon, truth=None, image_stamps_ns=None, seed=config.runtime.seed
+        )
+        self._priors = PriorIntake(source, p2gd.horizon, config.priors)
         self._backend: Backend = make_backend(config, calibration, self.timer)
         self._initializer = make_initializer(config, truth)
         self._imu = ImuBuffer()
@@ -87,7 +104,9 @@ class Odometry:
             * NANOSECONDS
         )
         self._last_ns: int | None = None
+        self._last_handed: PriorPoses | None = None
         self._estimate: Estimate | None = None
+        self.decision: Decision | None = None
         self.tracked = TrackSummary()
         self.extracted = 0
         self.start_note: str | None = None
@@ -103,7 +122,11 @@ class Odometry:
         self._imu.add(imu)
 
     def add_image(
-        self, stamp_ns: int, image: Image, priors: PriorPoses | None = None
+        self,
+        stamp_ns: int,
+        image: Image,
+        priors: PriorPoses | None = None,
+        mask: Image | None = None,
     ) -> Estimate | Waiting:
         """Track, distribute, extract, estimate.
 
@@ -115,11 +138,14 @@ class Odometry:
             (height, width) grey.
         priors
             Where the planner will drive, relative to the body at this image.
+        mask
+            Of the image's size; in this image features only where it is not 0, beside what the
+            mask of all images says.
 
         Raises
         ------
         DataError
-            The image's size or stamp, or IMU samples that don't reach it.
+            The image's or mask's size, the image's stamp, or IMU samples that don't reach it.
         InitializationError
             The start is refused.
         EstimatorError
@@ -128,17 +154,20 @@ class Odometry:
         stamp_ns += self.offset_ns
         with self.timer.stage("frame"):
             imu = self._imu_to(stamp_ns)
+            if self._before_tracking:
+                decision = self._decide(None, self._last_handed)
             with self.timer.stage("track"):
-                self.tracked = self._frontend.track(stamp_ns, image, self._camera_turn(imu))
+                turn = self._camera_turn(imu)
+                self.tracked = self._frontend.track(stamp_ns, image, turn, mask)
                 still = self._is_still(stamp_ns)
             with self.timer.stage("propagate"):
                 predicted = self._backend.propagate(imu) if self._estimate and imu else None
-            with self.timer.stage("distribute"):
-                quotas = self._distribution.quotas(self._context(predicted, priors))
+            if not self._before_tracking:
+                decision = self._decide(predicted, priors)
             with self.timer.stage("extract"):
-                self.extracted = self._frontend.extract(quotas)
+                self.extracted = self._frontend.extract(decision.selection)
                 observations = self._frontend.observations()
-            self._last_ns = stamp_ns
+            self.decision, self._last_ns, self._last_handed = decision, stamp_ns, priors
             self._imu.drop_before(stamp_ns - self._history_ns)
             if self._estimate is None:
                 return self._try_to_start(observations)
@@ -165,6 +194,11 @@ class Odometry:
     def features(self) -> int:
         """Features seen in the newest image."""
         return len(self._frontend.buffer)
+
+    @property
+    def observations(self) -> Observations:
+        """The features of the newest image."""
+        return self._frontend.observations()
 
     def count_into(self, counts: Counter[str]) -> None:
         """Add what the front end did with the newest image."""
@@ -233,15 +267,35 @@ class Odometry:
             was_still=was_still,
         ).still
 
-    def _context(
-        self, predicted: NavState | None, priors: PriorPoses | None
-    ) -> DistributionContext:
-        empty = Trajectory(np.zeros(0, np.int64), np.zeros((0, 4, 4)))
-        return DistributionContext(
-            self._calibration.camera,
-            self._calibration.T_imu_cam,
-            self._frontend.buffer,
-            self._estimate.window if self._estimate else empty,
-            predicted.T_world_imu if predicted else None,
-            priors,
-        )
+    def _decide(self, predicted: NavState | None, handed: PriorPoses | None) -> Decision:
+        """What to extract, seen from the predicted pose, or else from the last estimate."""
+        with self.timer.stage("distribute"):
+            recent = _recent(self._estimate, predicted)
+            frontend, priors = self._frontend, None
+            if self._needs_priors and len(recent):
+                priors = self._priors.take(int(recent.stamps_ns[-1]), handed, recent)
+            return self._distribution.decide(
+                DistributionContext(
+                    self._calibration.camera,
+                    self._calibration.T_imu_cam,
+                    frontend.buffer,
+                    recent,
+                    priors,
+                    frontend.capacity,
+                    frontend.corner_counts,
+                    frontend.allowed,
+                )
+            )
+
+
+def _recent(estimate: Estimate | None, predicted: NavState | None) -> Trajectory:
+    """The estimate's window, and the predicted pose if there is one."""
+    if estimate is None:
+        return Trajectory(np.zeros(0, np.int64), np.zeros((0, 4, 4)))
+    window = estimate.window
+    if predicted is None:
+        return window
+    return Trajectory(
+        np.append(window.stamps_ns, np.int64(predicted.stamp_ns)),
+        np.concatenate([window.T_world_imu, predicted.T_world_imu[None]]),
+    )

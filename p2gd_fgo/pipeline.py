@@ -2,77 +2,28 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, Protocol
 
 import numpy as np
 
-from p2gd_fgo.config import Config
+from p2gd_fgo.config import Config, resolve
 from p2gd_fgo.datasets import Sequence, load_mask
 from p2gd_fgo.errors import DataError, EstimatorError, InitializationError
 from p2gd_fgo.odometry import Odometry
+from p2gd_fgo.priors import PriorSource, make_prior_source
+from p2gd_fgo.recorder import Recorder, RunResult
 from p2gd_fgo.timing import StageTimer
 from p2gd_fgo.types import (
     NANOSECONDS,
     Estimate,
     Event,
-    FloatArray,
     Image,
     ImuBatch,
-    IntArray,
     Trajectory,
     Waiting,
 )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class RunResult:
-    """All of a run.
-
-    Attributes
-    ----------
-    status, reason
-        ``failed`` with one sentence if it ended early; what was estimated is kept.
-    config
-        Resolved: what was used.
-    estimate
-        The online poses, one for each image from the start on.
-    smoothed
-        The poses as they left the window.
-    covariances
-        (N, 15, 15) of the online estimates.
-    velocities, gyro_biases, accel_biases
-        (N, 3) of the online estimates.
-    frames_total
-        Images in the recording.
-    timing_stamps_ns, timing
-        For each image processed: (CPU ms, wall ms) by stage.
-    events
-        What a reader of the report must know.
-    counts
-        Observations by fate, images by fate, features by fate.
-    start_note
-        How it was started.
-    """
-
-    status: Literal["done", "failed"]
-    reason: str | None
-    config: Config
-    estimate: Trajectory
-    smoothed: Trajectory
-    covariances: FloatArray
-    velocities: FloatArray
-    gyro_biases: FloatArray
-    accel_biases: FloatArray
-    frames_total: int
-    timing_stamps_ns: IntArray
-    timing: list[dict[str, tuple[float, float]]]
-    events: tuple[Event, ...]
-    counts: dict[str, int]
-    start_note: str | None
 
 
 class Observer(Protocol):
@@ -82,8 +33,10 @@ class Observer(Protocol):
         """The run starts, with its resolved configuration."""
         ...
 
-    def frame(self, index: int, outcome: Estimate | Waiting, features: int) -> None:
-        """Image ``index`` has been processed; ``features`` are seen in it."""
+    def frame(
+        self, index: int, outcome: Estimate | Waiting, image: Image, odometry: Odometry
+    ) -> None:
+        """Image ``index`` has been processed; what else is known is read from the odometry."""
         ...
 
 
@@ -93,83 +46,107 @@ class NoObserver:
     def begin(self, sequence: Sequence, config: Config) -> None:
         """Nothing."""
 
-    def frame(self, index: int, outcome: Estimate | Waiting, features: int) -> None:
+    def frame(
+        self, index: int, outcome: Estimate | Waiting, image: Image, odometry: Odometry
+    ) -> None:
         """Nothing."""
 
 
-def run_sequence(sequence: Sequence, config: Config, observer: Observer | None = None) -> RunResult:
+def run_sequence(
+    sequence: Sequence,
+    config: Config,
+    observer: Observer | None = None,
+    *,
+    priors: PriorSource | None = None,
+) -> RunResult:
     """Run a recording from its first image to its last.
 
-    An image that can't be decoded, or lies outside the IMU's time, is left out with an event. A
+    An image that can't be decoded, whose mask can't, or that lies outside the IMU's time is left
+    out with an event; one without a mask where there are masks is counted and used whole. A
     refused start or a diverged back end ends the run with ``status`` failed.
+
+    Parameters
+    ----------
+    priors
+        Asked for prior poses instead of what ``config.priors`` names.
 
     Raises
     ------
     ConfigError, DataError
         Before the first image: noise not known, start from truth without overlapping truth, a
-        mask of another size.
+        mask of another size, a source of prior poses that can't be had.
     """
     observer = observer or NoObserver()
     timer = StageTimer()
-    mask = (
+    fixed_mask = (
         load_mask(Path(config.dataset.mask), sequence.calibration.camera)
-        if (config.dataset.mask)
+        if config.dataset.mask
         else None
     )
-    odometry = Odometry(sequence.calibration, config, truth=sequence.truth, mask=mask, timer=timer)
+    source = priors or prior_source(sequence, config)
+    odometry = Odometry(
+        sequence.calibration,
+        config,
+        truth=sequence.truth,
+        mask=fixed_mask,
+        priors=source,
+        timer=timer,
+    )
     _check_start(sequence, odometry)
     observer.begin(sequence, odometry.config)
 
-    estimates: list[Estimate] = []
-    timed: list[tuple[int, dict[str, tuple[float, float]]]] = []
-    events = list(sequence.events)
-    counts: Counter[str] = Counter()
+    recorder = Recorder(sequence.events)
+    counts, events = recorder.counts, recorder.events
     status: Literal["done", "failed"] = "done"
-    reason, smoothed = None, _trajectory([])
+    reason, smoothed = None, Trajectory(np.zeros(0, np.int64), np.zeros((0, 4, 4)))
     try:
         for index, stamp_ns, imu in _images_with_imu(sequence, odometry.offset_ns):
             odometry.add_imu(imu)
             try:
                 with timer.stage("decode"):
                     image: Image = sequence.image(index)
+                    mask = sequence.mask(index)
             except DataError as error:
                 counts["images_unreadable"] += 1
                 events.append(Event(stamp_ns, "image_unreadable", str(error)))
                 timer.take()
                 continue
-            outcome = odometry.add_image(stamp_ns, image)
-            timed.append((stamp_ns, timer.take()))
-            if isinstance(outcome, Estimate):
-                if not estimates:
-                    note = f"started {odometry.start_note}"
-                    events.append(Event(stamp_ns, "started", note))
-                estimates.append(outcome)
-            odometry.count_into(counts)
-            observer.frame(index, outcome, odometry.features)
+            if config.dataset.masks is not None and mask is None:
+                counts["masks_missing"] += 1
+            outcome = odometry.add_image(stamp_ns, image, mask=mask)
+            recorder.add(stamp_ns, outcome, odometry, timer.take())
+            observer.frame(index, outcome, image, odometry)
         smoothed = odometry.finish()
     except (InitializationError, EstimatorError) as error:
         status, reason = "failed", str(error)
-        last = timed[-1][0] if timed else int(sequence.image_stamps_ns[0])
         kind = "start_refused" if isinstance(error, InitializationError) else "diverged"
-        events.append(Event(last, kind, reason))
-    counts.update(odometry.counts)
-    events += _standstills(estimates)
-    return RunResult(
-        status,
-        reason,
-        odometry.config,
-        _trajectory(estimates),
-        smoothed,
-        np.array([e.covariance for e in estimates]).reshape(-1, 15, 15),
-        np.array([e.state.velocity for e in estimates]).reshape(-1, 3),
-        np.array([e.state.gyro_bias for e in estimates]).reshape(-1, 3),
-        np.array([e.state.accel_bias for e in estimates]).reshape(-1, 3),
-        len(sequence.image_stamps_ns),
-        np.array([stamp for stamp, _ in timed], dtype=np.int64),
-        [row for _, row in timed],
-        tuple(sorted(events, key=lambda e: e.stamp_ns)),
-        dict(counts),
-        odometry.start_note,
+        last = recorder.last_stamp_ns
+        events.append(
+            Event(int(sequence.image_stamps_ns[0]) if last is None else last, kind, reason)
+        )
+    total = len(sequence.image_stamps_ns)
+    return recorder.result(status, reason, smoothed, odometry, total, source.description)
+
+
+def prior_source(sequence: Sequence, config: Config) -> PriorSource:
+    """What ``config.priors`` names, for a recording.
+
+    Raises
+    ------
+    ConfigError, DataError
+        It needs what is not there: a truth, a file.
+    """
+    config = resolve(config, sequence.calibration.camera.width)
+    horizon = config.distribution.p2gd.horizon
+    assert horizon is not None
+    offset_s = config.dataset.time_offset_s
+    offset_s = sequence.calibration.time_offset_s if offset_s is None else offset_s
+    return make_prior_source(
+        config.priors,
+        horizon,
+        truth=sequence.truth,
+        image_stamps_ns=sequence.image_stamps_ns + round(offset_s * NANOSECONDS),
+        seed=config.runtime.seed,
     )
 
 
@@ -204,27 +181,3 @@ def _check_start(sequence: Sequence, odometry: Odometry) -> None:
             f"within the truth's time, {gap_s:.1f} s apart: check the truth's stamps, or use "
             "'static'"
         )
-
-
-def _trajectory(estimates: list[Estimate]) -> Trajectory:
-    return Trajectory(
-        np.array([e.state.stamp_ns for e in estimates], dtype=np.int64),
-        np.array([e.state.T_world_imu for e in estimates]).reshape(-1, 4, 4),
-    )
-
-
-def _standstills(estimates: list[Estimate]) -> list[Event]:
-    """One event for each standstill, with its length up to the first image that moves."""
-    events = []
-    begin: int | None = None
-    for k, estimate in enumerate(estimates):
-        last = k == len(estimates) - 1
-        if estimate.stationary and begin is None:
-            begin = k
-        if begin is not None and (last or not estimate.stationary):
-            first_ns = estimates[begin].state.stamp_ns
-            seconds = (estimate.state.stamp_ns - first_ns) / NANOSECONDS
-            message = f"standing still for {seconds:.1f} s: vision muted, zero velocity"
-            events.append(Event(first_ns, "standstill", message, {"duration_s": seconds}))
-            begin = None
-    return events

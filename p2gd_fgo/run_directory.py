@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
@@ -19,10 +20,10 @@ from typing import Any, Literal
 import numpy as np
 
 from p2gd_fgo import __version__
-from p2gd_fgo.atomic_files import write_text
+from p2gd_fgo.atomic_files import atomic_path, write_text
 from p2gd_fgo.errors import ConfigError
 from p2gd_fgo.trajectory_files import write_tum
-from p2gd_fgo.types import Event, IntArray, Trajectory
+from p2gd_fgo.types import Event, IntArray, TrackRecord, Trajectory
 
 RunState = Literal["running", "done", "failed"]
 TrajectoryName = Literal["estimate.tum", "truth.tum", "smoothed.tum"]
@@ -30,11 +31,15 @@ FrameTimes = Mapping[str, tuple[float, float]]  # stage to (process CPU ms, wall
 
 STATUS, CONFIG, METRICS = "status.json", "config.yaml", "metrics.json"
 TIMING, EVENTS = "timing.csv", "events.jsonl"
-EVO_RESULT, FIGURE = "evo_result.zip", "trajectory.png"
+EVO_RESULT, FIGURE, TRACKS = "evo_result.zip", "trajectory.png", "tracks.npz"
 FILES = (
-    *(STATUS, CONFIG, METRICS, TIMING, EVENTS, EVO_RESULT, FIGURE),
+    *(STATUS, CONFIG, METRICS, TIMING, EVENTS, EVO_RESULT, FIGURE, TRACKS),
     *("estimate.tum", "truth.tum", "smoothed.tum"),
 )
+IMAGE_FIGURES = "figures"
+"""Folder in a run directory: pictures of single images, ``<what>_<image number>.png``."""
+
+_IMAGE_FIGURE = re.compile(r"(p2gd|features)_\d{6,}\.png")
 _PROGRAM = "p2gd-fgo"
 
 
@@ -58,7 +63,7 @@ class RunDirectory:
 
     def __init__(self, out: Path, overwrite: bool) -> None:
         self.path = Path(out)
-        _check_free(self.path, overwrite)
+        check_free(self.path, overwrite)
         try:
             self.path.mkdir(parents=True, exist_ok=True)
             self._started = _now()
@@ -66,6 +71,9 @@ class RunDirectory:
             for name in FILES:
                 if name != STATUS:
                     (self.path / name).unlink(missing_ok=True)
+            for figure in self.path.glob(f"{IMAGE_FIGURES}/*.png"):
+                if _IMAGE_FIGURE.fullmatch(figure.name):
+                    figure.unlink()
         except OSError as error:
             raise ConfigError(
                 f"--out {self.path}: can't be written: {error.strerror}; name another folder"
@@ -74,6 +82,12 @@ class RunDirectory:
     def file(self, name: str) -> Path:
         """Path of a file in the folder, for writers of other rooms (figure, evo's result)."""
         return self.path / name
+
+    def image_figure(self, what: str, index: int) -> Path:
+        """Path of a picture of image ``index``; its folder is made."""
+        path = self.path / IMAGE_FIGURES / f"{what}_{index:06d}.png"
+        path.parent.mkdir(exist_ok=True)
+        return path
 
     def write_config(self, yaml_text: str) -> None:
         """Save the resolved configuration."""
@@ -87,6 +101,21 @@ class RunDirectory:
         """Save numbers as JSON with sorted keys; NaN and infinity become null."""
         text = json.dumps(_plain(metrics), indent=2, sort_keys=True, allow_nan=False)
         write_text(self.path / METRICS, text + "\n")
+
+    def write_tracks(self, record: TrackRecord) -> None:
+        """Save the fields of the record as arrays of these names, ``normalized`` as float32.
+
+        The same record gives the same bytes.
+        """
+        with atomic_path(self.path / TRACKS) as temporary:
+            np.savez_compressed(
+                temporary,
+                stamps_ns=record.stamps_ns,
+                counts=record.counts,
+                asked=record.asked,
+                ids=record.ids,
+                normalized=record.normalized.astype(np.float32),
+            )
 
     def write_timing(self, stamps_ns: IntArray, rows: Sequence[FrameTimes]) -> None:
         """Save one line per image: ``stamp_ns``, then CPU and wall ms of every stage.
@@ -137,7 +166,14 @@ def read_status(path: Path) -> dict[str, Any] | None:
     return status
 
 
-def _check_free(path: Path, overwrite: bool) -> None:
+def check_free(path: Path, overwrite: bool) -> None:
+    """Refuse a folder that a run may not be written to.
+
+    Raises
+    ------
+    ConfigError
+        As :class:`RunDirectory`; nothing is touched.
+    """
     if not path.exists():
         return
     if not path.is_dir():

@@ -170,6 +170,31 @@ class PriorPoses:
     T_imu0_imu: FloatArray
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class TrackRecord:
+    """Which features every image of a run saw, and how many were asked for.
+
+    Attributes
+    ----------
+    stamps_ns
+        (F,) of the images.
+    counts
+        (F,) features in each.
+    asked
+        (F,) features that the distribution asked for, the tracked ones included.
+    ids
+        (M,) track identities, image by image; M is the sum of ``counts``.
+    normalized
+        (M, 2) undistorted coordinates on the plane z = 1.
+    """
+
+    stamps_ns: IntArray
+    counts: IntArray
+    asked: IntArray
+    ids: IntArray
+    normalized: FloatArray
+
+
 @dataclass(frozen=True, slots=True)
 class Event:
     """Something a reader of the report must know: a gap, a reset, a refusal.

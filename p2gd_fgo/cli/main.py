@@ -12,6 +12,7 @@ from rich.console import Console
 
 from p2gd_fgo import __version__
 from p2gd_fgo.cli import config as config_commands
+from p2gd_fgo.cli.compare import compare
 from p2gd_fgo.cli.evaluate import evaluate
 from p2gd_fgo.cli.run import demo, run
 from p2gd_fgo.errors import P2gdError
@@ -25,6 +26,7 @@ app = typer.Typer(
 )
 app.command()(run)
 app.command()(demo)
+app.command()(compare)
 app.command()(evaluate)
 app.add_typer(config_commands.app, name="config")
 

@@ -38,6 +38,15 @@ OverwriteOption = Annotated[
     bool, typer.Option("--overwrite", help="Replace the run that is in the run directory.")
 ]
 
+FiguresOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NUMBERS", show_default=False,
+        help="Images to draw, by number from 0, such as 120,450: quotas, features, and what P2GD "
+        "predicted.",
+    ),
+]  # fmt: skip
+
 
 def make_config(
     target: Path | None,
@@ -84,3 +93,23 @@ def make_config(
     made = override(load_config(config), chosen)
     set_thread_environment(made.runtime.threads)
     return made
+
+
+def read_figures(text: str | None) -> tuple[int, ...]:
+    """Image numbers of ``--figures 120,450``, each once; none without the option.
+
+    Raises
+    ------
+    ConfigError
+        Something that is no number.
+    """
+    if text is None:
+        return ()
+    parts = [part.strip() for part in text.split(",")]
+    for part in parts:
+        if not part.isascii() or not part.isdigit():
+            raise ConfigError(
+                f"--figures {text}: '{part}' is no image number; give whole numbers, separated by "
+                "commas, such as 120,450"
+            )
+    return tuple(dict.fromkeys(int(part) for part in parts))

@@ -13,11 +13,13 @@ from p2gd_fgo.cli.options import (
     BackendOption,
     ConfigOption,
     DistributionOption,
+    FiguresOption,
     OutOption,
     OverwriteOption,
     SeedOption,
     SetOption,
     make_config,
+    read_figures,
 )
 from p2gd_fgo.config import Config, override
 
@@ -37,12 +39,14 @@ def run(
     seed: SeedOption = None,
     out: OutOption = None,
     overwrite: OverwriteOption = False,
+    figures: FiguresOption = None,
 ) -> None:  # fmt: skip
     """Run a recording and print its ATE/RTE table."""
+    frames = read_figures(figures)
     made = make_config(
         target, config, settings, backend=backend, distribution=distribution, seed=seed
     )
-    _run(made, out, overwrite)
+    _run(made, out, overwrite, frames)
 
 
 def demo(
@@ -52,8 +56,10 @@ def demo(
     seed: SeedOption = None,
     out: OutOption = None,
     overwrite: OverwriteOption = False,
+    figures: FiguresOption = None,
 ) -> None:
     """Render a short robot drive (once, into the user's cache) and run it."""
+    frames = read_figures(figures)
     made = make_config(None, None, settings, backend=backend, distribution=distribution, seed=seed)
     console = Console()
     from p2gd_fgo.simulation.demo import demo_sequence
@@ -62,10 +68,10 @@ def demo(
         task = bar.add_task("rendering the demo", total=None)
         folder = demo_sequence(progress=lambda n, total: bar.update(task, completed=n, total=total))
     made = override(made, {"dataset.path": str(folder), "name": made.name or "demo"})
-    _run(made, out, overwrite)
+    _run(made, out, overwrite, frames)
 
 
-def _run(config: Config, out: Path | None, overwrite: bool) -> None:
+def _run(config: Config, out: Path | None, overwrite: bool, figures: tuple[int, ...]) -> None:
     from p2gd_fgo.cli.progress import ProgressBar
     from p2gd_fgo.experiment import run_experiment
     from p2gd_fgo.report.summaries import summarize_events
@@ -73,7 +79,7 @@ def _run(config: Config, out: Path | None, overwrite: bool) -> None:
 
     console = Console()
     with ProgressBar(console) as bar:
-        done = run_experiment(config, out=out, overwrite=overwrite, observer=bar)
+        done = run_experiment(config, out=out, overwrite=overwrite, observer=bar, figures=figures)
     result = done.result
     console.print(
         run_table(
@@ -81,7 +87,8 @@ def _run(config: Config, out: Path | None, overwrite: bool) -> None:
             done.metrics,
             done.timing,
             (result.status, result.reason),
-            summarize_events(result.events),
+            summarize_events(done.events),
+            done.tracking,
         )
     )
     if result.status != "done":

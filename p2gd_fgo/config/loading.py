@@ -63,13 +63,17 @@ def resolve(config: Config, image_width: int) -> Config:
     """Fill the fields whose default depends on the image or on another field.
 
     Wide images (over 1000 px) get the paper's KAIST settings, others those of its robot; a track
-    is at most as long as the window.
+    is at most as long as the window, and prior poses reach as far ahead (paper III-C2).
     """
     chosen: dict[str, object] = dict(_BY_WIDTH[image_width > _WIDE_IMAGE_PX])
     chosen["max_track_length"] = config.backend.window
     missing = {k: v for k, v in chosen.items() if getattr(config.frontend, k) is None}
     frontend = config.frontend.model_copy(update=missing)
-    return config.model_copy(update={"frontend": frontend})
+    distribution = config.distribution
+    if distribution.p2gd.horizon is None:
+        p2gd = distribution.p2gd.model_copy(update={"horizon": config.backend.window})
+        distribution = distribution.model_copy(update={"p2gd": p2gd})
+    return config.model_copy(update={"frontend": frontend, "distribution": distribution})
 
 
 def dump_yaml(config: Config, *, comments: bool = False) -> str:

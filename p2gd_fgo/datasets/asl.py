@@ -5,6 +5,7 @@
     mav0/cam0/{sensor.yaml, data.csv, data/*.png}      stamp, file name
     mav0/imu0/{sensor.yaml, data.csv}                  stamp, gyro (3), accel (3)
     mav0/state_groundtruth_estimate0/data.csv          optional, or mocap0/data.csv
+    mav0/mask0/data/*.png                              optional, see p2gd_fgo.datasets.masks
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from p2gd_fgo.datasets.base import Calibration
 from p2gd_fgo.datasets.csv_tables import read_image_list, read_table
 from p2gd_fgo.datasets.images import check_size, decode_grey
 from p2gd_fgo.datasets.integrity import check_coverage, increasing_order
+from p2gd_fgo.datasets.masks import MaskFolder, open_masks
 from p2gd_fgo.datasets.slicing import cut_imu, cut_truth, select_images
 from p2gd_fgo.errors import DataError
 from p2gd_fgo.types import NANOSECONDS, Event, Image, ImuBatch, IntArray, Truth
@@ -35,6 +37,8 @@ class AslSequence:
     ----------
     image_paths
         (N,) the files behind ``image_stamps_ns``; some may be missing.
+    masks
+        Where the images' masks are, if there are any.
     """
 
     name: str
@@ -44,6 +48,7 @@ class AslSequence:
     imu: ImuBatch
     truth: Truth | None
     events: tuple[Event, ...]
+    masks: MaskFolder | None = None
 
     def image(self, index: int) -> Image:
         """Decode image ``index`` as (H, W) grey, 16-bit files by their upper 8 bits.
@@ -57,6 +62,16 @@ class AslSequence:
         image = decode_grey(path)
         check_size(image, self.calibration.camera, path)
         return image
+
+    def mask(self, index: int) -> Image | None:
+        """Decode the mask of image ``index`` as (H, W), 0 where no feature is wanted, or None.
+
+        Raises
+        ------
+        DataError
+            The file can't be decoded or is of another size than the calibration's.
+        """
+        return None if self.masks is None else self.masks.mask(self.image_paths[index])
 
 
 def find_mav0(folder: Path, camera: str) -> Path | None:
@@ -74,6 +89,7 @@ def open_asl(
     duration_s: float | None = None,
     time_offset_s: float | None = None,
     max_gap_s: float = 0.1,
+    masks: Path | None = None,
 ) -> AslSequence:
     """Read everything but the images.
 
@@ -89,12 +105,14 @@ def open_asl(
         t_imu = t_cam + offset, instead of what the camera's ``sensor.yaml`` says.
     max_gap_s
         Longer holes in the IMU become an event.
+    masks
+        Folder of the images' masks.
 
     Raises
     ------
     DataError
         Files are missing or malformed, the sensors don't overlap in time, no image exists, or the
-        first one isn't of the calibration's size.
+        first one, or its mask, isn't of the calibration's size.
     """
     folder = mav0 / camera
     if not folder.is_dir():
@@ -122,6 +140,7 @@ def open_asl(
         calibration=calibration,
         image_stamps_ns=stamps[chosen],
         image_paths=tuple(paths[chosen]),
+        masks=None if masks is None else open_masks(masks, paths[chosen], calibration.camera),
         imu=imu,
         truth=truth,
         events=(*imu_events, *truth_events, *coverage),

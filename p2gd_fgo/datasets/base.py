@@ -95,3 +95,15 @@ class Sequence(Protocol):
             The file is missing or can't be decoded.
         """
         ...
+
+    def mask(self, index: int) -> Image | None:
+        """Decode the mask of image ``index``, (H, W): features only where it isn't 0.
+
+        None where the recording was opened without masks, or this image has none.
+
+        Raises
+        ------
+        DataError
+            The file can't be decoded or is of another size than the image.
+        """
+        ...

@@ -16,7 +16,7 @@ def open_sequence(config: DatasetConfig, *, max_gap_s: float = 0.1) -> Sequence:
     Parameters
     ----------
     config
-        Path, format (``auto``: guessed from the folder), camera, part and time offset.
+        Path, format (``auto``: guessed from the folder), camera, part, time offset and masks.
     max_gap_s
         ``imu.max_gap_s``: longer holes in the IMU become an event.
 
@@ -44,4 +44,5 @@ def open_sequence(config: DatasetConfig, *, max_gap_s: float = 0.1) -> Sequence:
         duration_s=config.duration_s,
         time_offset_s=config.time_offset_s,
         max_gap_s=max_gap_s,
+        masks=None if config.masks is None else folder / Path(config.masks).expanduser(),
     )

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from p2gd_fgo.distribution.base import DistributionContext
-from p2gd_fgo.frontend import CellGrid
+from p2gd_fgo.distribution.base import Decision, DistributionContext
+from p2gd_fgo.frontend import CellGrid, CellQuotas
 from p2gd_fgo.types import IntArray
 
 
@@ -21,20 +21,21 @@ class GridDistribution:
     max_features
         To be spread; where the cells don't divide it, the remainder goes to cells that lie spread
         over rows and columns.
-    min_distance_px
-        Between features: limits what a cell holds.
     """
 
-    def __init__(self, grid: CellGrid, max_features: int, min_distance_px: float) -> None:
+    def __init__(self, grid: CellGrid, max_features: int) -> None:
         cells = grid.rows * grid.columns
         even, remainder = divmod(max_features, cells)
         rank = np.arange(cells, dtype=np.int64) * _scattering_step(cells) % cells
-        share = np.minimum(even + (rank < remainder), grid.capacity(min_distance_px))
-        self._quotas: IntArray = share.astype(np.int64).reshape(grid.shape)
+        self._shares: IntArray = (even + (rank < remainder)).reshape(grid.shape)
 
-    def quotas(self, context: DistributionContext) -> IntArray:
-        """Return the same (rows, columns) for every image."""
-        return self._quotas.copy()
+    def quotas(self, capacity: IntArray) -> IntArray:
+        """Quotas (rows, columns), the same for every image; no cell gets more than its capacity."""
+        return np.minimum(self._shares, capacity)
+
+    def decide(self, context: DistributionContext) -> Decision:
+        """Decide for one image."""
+        return Decision(CellQuotas(self.quotas(context.capacity)))
 
 
 def _scattering_step(cells: int) -> int:

@@ -5,5 +5,14 @@ from __future__ import annotations
 from p2gd_fgo.frontend.cells import CellGrid
 from p2gd_fgo.frontend.features import FeatureBuffer
 from p2gd_fgo.frontend.frontend import Frontend, TrackSummary
+from p2gd_fgo.frontend.selection import CellQuotas, Corners, Selection
 
-__all__ = ["CellGrid", "FeatureBuffer", "Frontend", "TrackSummary"]
+__all__ = [
+    "CellGrid",
+    "CellQuotas",
+    "Corners",
+    "FeatureBuffer",
+    "Frontend",
+    "Selection",
+    "TrackSummary",
+]

@@ -13,8 +13,10 @@ from p2gd_fgo.errors import ConfigError, DataError
 from p2gd_fgo.frontend.cells import CellGrid
 from p2gd_fgo.frontend.detector import CornerDetector, pixel_values
 from p2gd_fgo.frontend.features import FeatureBuffer
+from p2gd_fgo.frontend.orb import OrbTracker
 from p2gd_fgo.frontend.outliers import motion_inliers
-from p2gd_fgo.frontend.tracker import KltTracker
+from p2gd_fgo.frontend.selection import Selection
+from p2gd_fgo.frontend.tracker import KltTracker, Tracker
 from p2gd_fgo.geometry.camera import Camera
 from p2gd_fgo.types import BoolArray, FloatArray, Image, IntArray, Observations
 
@@ -36,8 +38,8 @@ class TrackSummary:
         Reached the maximum length in the previous image; tracked or lost like any other if they
         are continued.
     lost_klt, lost_forward_backward, lost_outside, lost_outlier
-        Not found; not found on the way back; left the image or went under the mask; against the
-        motion of the rest.
+        Not found by the tracker, whichever it is; not found on the way back; left the image or
+        went under a mask; against the motion of the rest.
     """
 
     tracked: int = 0
@@ -49,9 +51,9 @@ class TrackSummary:
 
 
 class Frontend:
-    """Tracks features from image to image and finds new ones where quotas ask for them.
+    """Tracks features from image to image and finds new ones where a selection asks for them.
 
-    Per image: :meth:`track`, then the caller decides on quotas, :meth:`extract`, then
+    Per image: :meth:`track`, then the caller decides on a selection, :meth:`extract`, then
     :meth:`observations`.
 
     Parameters
@@ -64,10 +66,7 @@ class Frontend:
         Varies what a rerun would vary: the FAST threshold by at most 1, and the order of the
         points before RANSAC. The same seed on the same images gives the same features.
     mask
-        Grey image of the camera's size; features only where it is not 0.
-    continue_consumed
-        Whether the corner of a track at the maximum length is followed further, as a new track
-        from the next image on; otherwise its place is free for a new corner.
+        Grey image of the camera's size; in every image features only where it is not 0.
 
     Attributes
     ----------
@@ -75,6 +74,10 @@ class Frontend:
         The features of the newest image and their past.
     grid
         The cells that quotas are for.
+    allowed
+        (height, width) false under the newest image's masks; None: no mask.
+    capacity
+        (rows, columns) features that a cell can hold at the minimum distance, outside the masks.
 
     Raises
     ------
@@ -90,40 +93,40 @@ class Frontend:
         config: FrontendConfig,
         seed: int,
         mask: Image | None = None,
-        *,
-        continue_consumed: bool = False,
     ) -> None:
         columns, rows = _resolved(config.grid, "grid")
         max_length = _resolved(config.max_track_length, "max_track_length")
-        if mask is not None and mask.shape != (camera.height, camera.width):
-            raise DataError(
-                f"dataset.mask is an image of shape {mask.shape}, but must be grey and "
-                f"{camera.width}x{camera.height} as the camera's images"
-            )
         self._camera = camera
         self._config = config
         self._max_features = _resolved(config.max_features, "max_features")
         self._focal_px = float(np.sqrt(camera.fx * camera.fy))
         self._rng = np.random.default_rng(seed)
-        self._allowed: BoolArray | None = None if mask is None else mask != 0
-        self._continue_consumed = continue_consumed
         self._image: Image | None = None
         self._stamp_ns = -1
-        self._tracker = KltTracker(
-            config.klt_window_px, config.klt_levels, config.forward_backward_px
-        )
+        fast_threshold = config.fast_threshold + _THRESHOLD_OFFSETS[seed % 3]
+        self._tracker = _tracker(config, fast_threshold)
         self.grid = CellGrid(columns, rows, camera.width, camera.height)
+        self._min_distance_px = _resolved(config.min_distance_px, "min_distance_px")
         self._detector = CornerDetector(
             self.grid,
-            fast_threshold=config.fast_threshold + _THRESHOLD_OFFSETS[seed % 3],
-            min_distance_px=_resolved(config.min_distance_px, "min_distance_px"),
+            fast_threshold=fast_threshold,
+            min_distance_px=self._min_distance_px,
             border_px=config.klt_window_px // 2 + 1,
             subpixel=config.subpixel,
-            allowed=self._allowed,
         )
+        self._always = self._opened(mask, "dataset.mask")
+        self.allowed = self._always
+        self._always_capacity = self.grid.capacities(self._min_distance_px, self._always)
+        self.capacity = self._always_capacity
         self.buffer = FeatureBuffer(max_length)
 
-    def track(self, stamp_ns: int, image: Image, R_cam_prev: FloatArray | None) -> TrackSummary:
+    def track(
+        self,
+        stamp_ns: int,
+        image: Image,
+        R_cam_prev: FloatArray | None,
+        mask: Image | None = None,
+    ) -> TrackSummary:
         """Find the previous image's features in a new one.
 
         Parameters
@@ -135,16 +138,21 @@ class Frontend:
         R_cam_prev
             (3, 3) takes vectors of the previous camera frame to the current one, as the IMU
             predicts; None where nothing is known.
+        mask
+            Of the image's size; in this image features only where it is not 0, beside what the
+            mask of all images says.
 
         Raises
         ------
         DataError
-            The image does not have the camera's size.
+            The image or the mask does not have the camera's size.
         """
-        previous, self._image, self._stamp_ns = self._image, self._prepared(image), stamp_ns
+        prepared = self._prepared(image)
+        self._mask(mask)
+        previous, self._image, self._stamp_ns = self._image, prepared, stamp_ns
         buffer = self.buffer
         complete = buffer.lengths >= buffer.history
-        if self._continue_consumed:
+        if self._config.continue_consumed:
             buffer.rename(complete)
         else:
             buffer.keep(~complete)
@@ -179,8 +187,8 @@ class Frontend:
             lost_outlier=len(inlier) - len(buffer),
         )
 
-    def extract(self, quotas: IntArray) -> int:
-        """Add new features of the current image where cells hold fewer than quotas (rows, columns).
+    def extract(self, selection: Selection) -> int:
+        """Add new features of the current image, as ``selection`` chooses them.
 
         Returns
         -------
@@ -189,11 +197,15 @@ class Frontend:
         """
         if self._image is None:
             raise ValueError("extract() needs an image: call track() first")
-        if quotas.shape != self.grid.shape:
-            raise ValueError(f"quotas have shape {quotas.shape}, the grid {self.grid.shape}")
-        new = self._detector.detect(self._image, self.buffer.pixels, quotas, self._max_features)
+        kept = self.buffer.pixels
+        new = self._detector.detect(self._image, kept, selection, self._max_features, self.allowed)
         self.buffer.add(new, self._camera.undistort(new))
         return len(new)
+
+    @property
+    def corner_counts(self) -> IntArray:
+        """(rows, columns) corners found in the last image that was searched."""
+        return self._detector.corner_counts
 
     def observations(self) -> Observations:
         """All features of the current image, tracked and new."""
@@ -212,6 +224,26 @@ class Frontend:
         image = np.ascontiguousarray(image)
         return np.asarray(cv2.equalizeHist(image)) if self._config.equalize else image
 
+    def _opened(self, mask: Image | None, name: str) -> BoolArray | None:
+        size = (self._camera.height, self._camera.width)
+        if mask is None:
+            return None
+        if mask.shape != size:
+            raise DataError(
+                f"{name} is an image of shape {mask.shape}, but must be grey and "
+                f"{size[1]}x{size[0]} as the camera's images"
+            )
+        return np.asarray(mask != 0)
+
+    def _mask(self, mask: Image | None) -> None:
+        """Join the mask of the newest image with that of all images."""
+        opened = self._opened(mask, "the image's mask")
+        if opened is None:
+            self.allowed, self.capacity = self._always, self._always_capacity
+            return
+        self.allowed = opened if self._always is None else opened & self._always
+        self.capacity = self.grid.capacities(self._min_distance_px, self.allowed)
+
     def _predicted(self, R_cam_prev: FloatArray | None) -> FloatArray | None:
         """Where the features' pixels (N, 2) would be if the camera had only rotated."""
         if R_cam_prev is None:
@@ -225,7 +257,18 @@ class Frontend:
 
     def _permitted(self, pixels: FloatArray) -> BoolArray:
         inside = self._camera.inside(pixels)
-        return inside if self._allowed is None else inside & pixel_values(self._allowed, pixels)
+        return inside if self.allowed is None else inside & pixel_values(self.allowed, pixels)
+
+
+def _tracker(config: FrontendConfig, fast_threshold: int) -> Tracker:
+    if config.tracker == "orb":
+        return OrbTracker(
+            fast_threshold,
+            search_px=config.orb_search_px,
+            max_hamming=config.orb_max_hamming,
+            ratio=config.orb_ratio,
+        )
+    return KltTracker(config.klt_window_px, config.klt_levels, config.forward_backward_px)
 
 
 def _resolved(value: T | None, name: str) -> T:

@@ -1,8 +1,9 @@
-"""Pyramidal Lucas-Kanade tracking with a forward-backward check."""
+"""What a tracker is, and the default: pyramidal Lucas-Kanade with a forward-backward check."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import cv2
 import numpy as np
@@ -22,14 +23,27 @@ class Flow:
     pixels
         (N, 2) in the current image.
     found
-        (N,) whether Lucas-Kanade converged.
+        (N,) whether there is an answer.
     consistent
-        (N,) whether, tracked back, it also returned to its origin.
+        (N,) whether the way back confirms it.
     """
 
     pixels: FloatArray
     found: BoolArray
     consistent: BoolArray
+
+
+class Tracker(Protocol):
+    """A way of finding points of one image in the next."""
+
+    def track(
+        self, previous: Image, current: Image, pixels: FloatArray, guess: FloatArray | None
+    ) -> Flow:
+        """Find pixels (N, 2) of the previous image in the current one.
+
+        ``guess`` (N, 2): where to start the search; None starts where the points were.
+        """
+        ...
 
 
 class KltTracker:
@@ -55,7 +69,8 @@ class KltTracker:
     ) -> Flow:
         """Find pixels (N, 2) of the previous image in the current one.
 
-        ``guess`` (N, 2): where to start the search; None starts where the points were.
+        ``guess`` (N, 2): where to start the search; None starts where the points were. A point is
+        found if Lucas-Kanade converges, consistent if, tracked back, it returns to its origin.
         """
         if len(pixels) == 0:
             nothing = np.zeros(0, np.bool_)

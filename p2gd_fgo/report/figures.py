@@ -15,7 +15,7 @@ from p2gd_fgo.evaluation.evaluate import ErrorSeries
 from p2gd_fgo.types import NANOSECONDS, FloatArray, IntArray, Trajectory
 
 _TRUTH, _ESTIMATE, _ROTATION = "#8a8f98", "#1f6feb", "#d9730d"
-_TEXT, _FRAME, _ALARM = "#444", "#c7cbd1", "#b00020"
+TEXT, FRAME, _ALARM = "#444", "#c7cbd1", "#b00020"
 _GAP_S = 0.5  # a line is broken where two poses lie farther apart
 _ALIGNED_BY = {
     "yaw_pos": "position and yaw (yaw_pos)",
@@ -55,7 +55,7 @@ def trajectory_figure(
     figure.suptitle(title, x=0.012, ha="left", fontsize=13, fontweight="bold", parse_math=False)
     if note:
         text = textwrap.fill(note, 170)
-        figure.supxlabel(text, x=0.012, ha="left", fontsize=9, color=_TEXT, parse_math=False)
+        figure.supxlabel(text, x=0.012, ha="left", fontsize=9, color=TEXT, parse_math=False)
     grid = figure.add_gridspec(2, 2, width_ratios=[1.15, 1.0], height_ratios=[1.5, 1.0])
     view = "not aligned" if errors is None else f"aligned by {_ALIGNED_BY[errors.alignment]}"
     _top_view(figure.add_subplot(grid[:, 0]), shown, truth, f"top view, {view}")
@@ -64,15 +64,15 @@ def trajectory_figure(
         axes = figure.add_subplot(grid[:, 1])
         height = shown.T_world_imu[:, 2, 3]
         axes.plot(*_broken(shown.stamps_ns, height, start), color=_ESTIMATE, lw=1.4)
-        _finish(axes, "height (m)", "time since the first estimate (s)")
+        finish(axes, "height (m)", "time since the first estimate (s)")
     else:
         upper = figure.add_subplot(grid[0, 1])
         lower = figure.add_subplot(grid[1, 1], sharex=upper)
         stamps = errors.reference.stamps_ns
         _error(upper, stamps, errors.position_m, start, _ESTIMATE, ("ATE", " m"))
         _error(lower, stamps, errors.rotation_deg, start, _ROTATION, ("ARE", "°"))
-        _finish(upper, "position error (m)", "")
-        _finish(lower, "rotation error (°)", "time since the first estimate (s)")
+        finish(upper, "position error (m)", "")
+        finish(lower, "rotation error (°)", "time since the first estimate (s)")
         upper.tick_params(labelbottom=False)
     with atomic_path(path) as temporary:
         figure.savefig(temporary, format="png")
@@ -101,10 +101,10 @@ def _top_view(axes: Axes, estimate: Trajectory, truth: Trajectory | None, title:
         axes.text(0.5, 0.5, "no estimate", transform=axes.transAxes, ha="center", color=_ALARM)
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.08)
-    _finish(axes, "y (m)", "x (m)")
-    axes.set_title(title, loc="left", fontsize=10, color=_TEXT)
+    finish(axes, "y (m)", "x (m)")
+    axes.set_title(title, loc="left", fontsize=10, color=TEXT)
     if axes.get_legend_handles_labels()[0]:
-        axes.legend(loc="best", fontsize=9, framealpha=0.9, edgecolor=_FRAME)
+        axes.legend(loc="best", fontsize=9, framealpha=0.9, edgecolor=FRAME)
 
 
 def _error(
@@ -123,17 +123,18 @@ def _error(
     axes.set_ylim(0.0, max(1.12 * float(values.max()), 1e-6))
     name, unit = name_unit
     text = f"{name} {rmse:.3g}{unit} RMSE (dashed), {values.max():.3g}{unit} at most"
-    axes.set_title(text, loc="left", fontsize=10, color=_TEXT)
+    axes.set_title(text, loc="left", fontsize=10, color=TEXT)
 
 
-def _finish(axes: Axes, ylabel: str, xlabel: str) -> None:
+def finish(axes: Axes, ylabel: str, xlabel: str) -> None:
+    """Label the axes and give them the look of all figures."""
     axes.set_ylabel(ylabel)
     axes.set_xlabel(xlabel)
     axes.grid(color="#e6e8eb", lw=0.8)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.spines[["left", "bottom"]].set_color(_FRAME)
-    axes.tick_params(labelsize=9, color=_FRAME)
+    axes.spines[["left", "bottom"]].set_color(FRAME)
+    axes.tick_params(labelsize=9, color=FRAME)
 
 
 def _gaps(stamps_ns: IntArray) -> IntArray:

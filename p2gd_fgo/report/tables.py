@@ -7,14 +7,15 @@ from collections.abc import Mapping, Sequence
 
 from rich import box
 from rich.console import Group, RenderableType
-from rich.padding import Padding
 from rich.panel import Panel
 from rich.rule import Rule
 from rich.table import Table
 from rich.text import Text
 
 from p2gd_fgo.evaluation.metrics import Accuracy, Metrics
+from p2gd_fgo.evaluation.tracking_quality import LENGTHS, TrackingQuality
 from p2gd_fgo.evaluation.trajectory_errors import RelativeError
+from p2gd_fgo.report.layout import NONE, column, fixed, grid, pairs, title
 from p2gd_fgo.report.summaries import OUTSIDE_STAGE, TOTAL_STAGE, EventCount, StageTime
 
 ALIGNMENT_MEANING = {
@@ -24,7 +25,6 @@ ALIGNMENT_MEANING = {
     "origin": "first pose only",
 }
 _PARTIAL = 0.9  # below this completeness the table says so aloud
-_NONE = "–"
 
 
 def run_table(
@@ -33,6 +33,7 @@ def run_table(
     timing: Mapping[str, StageTime],
     status: tuple[str, str | None],
     events: Sequence[EventCount],
+    tracking: TrackingQuality | None = None,
 ) -> RenderableType:
     """Lay out the report of a run.
 
@@ -48,15 +49,19 @@ def run_table(
         State (``done``, ``failed``, ``running``) and the reason where it failed.
     events
         Counts by kind, see :func:`summarize_events`.
+    tracking
+        None where no image was processed.
     """
-    parts: list[RenderableType] = [Rule("run", align="left", style="dim"), _pairs(header)]
+    parts: list[RenderableType] = [Rule("run", align="left", style="dim"), pairs(header)]
     parts += _warnings(metrics, status)
     if metrics is not None and metrics.frames:
         parts += _metrics(metrics)
+    if tracking is not None and tracking.tracks:
+        parts += _tracking(tracking)
     if timing:
-        parts += [_title("CPU time per frame"), _timing(timing)]
+        parts += [title("CPU time per frame"), _timing(timing)]
     if events:
-        parts += [_title("events"), _events(events)]
+        parts += [title("events"), _events(events)]
     return Group(*parts)
 
 
@@ -97,22 +102,22 @@ def _metrics(metrics: Metrics) -> list[RenderableType]:
     parts: list[RenderableType] = []
     if accuracy is not None:
         kind = metrics.alignment
-        title = f"absolute errors, RMSE unless said · main alignment: {kind}"
+        head = f"absolute errors, RMSE unless said · main alignment: {kind}"
         parts += [
-            _title(f"{title} ({ALIGNMENT_MEANING[kind]})"),
+            title(f"{head} ({ALIGNMENT_MEANING[kind]})"),
             _absolute(accuracy, kind),
         ]
         if accuracy.rte:
             tolerance = f"{100 * accuracy.rte_tolerance:g} %"
             parts += [
-                _title(f"relative errors, RMSE over all pairs, length ± {tolerance} of the truth"),
+                title(f"relative errors, RMSE over all pairs, length ± {tolerance} of the truth"),
                 _relative(accuracy.rte),
             ]
-    return [*parts, _title("coverage"), _pairs(_facts(metrics))]
+    return [*parts, title("coverage"), pairs(_facts(metrics))]
 
 
 def _absolute(accuracy: Accuracy, main: str) -> Table:
-    table = _grid("alignment", "ATE m", "% path", "median m", "max m", "ARE °", "max °")
+    table = grid("alignment", "ATE m", "% path", "median m", "max m", "ARE °", "max °")
     known = {
         kind: (ate, are)
         for kind, ate in accuracy.ate_m.items()
@@ -120,27 +125,27 @@ def _absolute(accuracy: Accuracy, main: str) -> Table:
     }
     per_path = 100.0 / accuracy.path_length_m if accuracy.path_length_m > 0 else math.nan
     columns = [
-        _column([ate.rmse for ate, _ in known.values()]),
-        _column([ate.rmse * per_path for ate, _ in known.values()]),
-        _column([ate.median for ate, _ in known.values()]),
-        _column([ate.max for ate, _ in known.values()]),
-        _column([are.rmse for _, are in known.values()]),
-        _column([are.max for _, are in known.values()]),
+        column([ate.rmse for ate, _ in known.values()]),
+        column([ate.rmse * per_path for ate, _ in known.values()]),
+        column([ate.median for ate, _ in known.values()]),
+        column([ate.max for ate, _ in known.values()]),
+        column([are.rmse for _, are in known.values()]),
+        column([are.max for _, are in known.values()]),
     ]
     cells = dict(zip(known, zip(*columns, strict=True), strict=True))
     for kind in accuracy.ate_m:
         name, style = (f"{kind} ◂", "bold") if kind == main else (kind, None)
-        table.add_row(name, *cells.get(kind, [_NONE] * len(columns)), style=style)
+        table.add_row(name, *cells.get(kind, [NONE] * len(columns)), style=style)
     return table
 
 
 def _relative(rte: Sequence[RelativeError]) -> Table:
-    table = _grid("length m", "RTE m", "RTE %", "RRE °", "pairs")
+    table = grid("length m", "RTE m", "RTE %", "RRE °", "pairs")
     columns = [
         [f"{entry.length_m:g}" for entry in rte],
-        _column([entry.rmse_m for entry in rte]),
-        _column([entry.percent for entry in rte]),
-        _column([entry.rre_deg for entry in rte]),
+        column([entry.rmse_m for entry in rte]),
+        column([entry.percent for entry in rte]),
+        column([entry.rre_deg for entry in rte]),
         [str(entry.pairs) for entry in rte],
     ]
     for row in zip(*columns, strict=True):
@@ -165,12 +170,43 @@ def _facts(metrics: Metrics) -> list[tuple[str, str]]:
         ("compared", f"{accuracy.frames_compared} poses with truth"),
         ("path", f"{accuracy.path_length_m:.1f} m in {metrics.duration_s:.1f} s"),
         ("scale", scale),
-        ("end drift", f"{_number(drift.position_m)} m, {drift.rotation_deg:.3f}° (origin)"),
+        ("end drift", f"{column([drift.position_m])[0]} m, {drift.rotation_deg:.3f}° (origin)"),
     ]
 
 
+def _tracking(quality: TrackingQuality) -> list[RenderableType]:
+    head = f"tracking · {quality.tracks} tracks, alive ones included · rotations from"
+    shares = [quality.length_shares[n] for n in LENGTHS]
+    by_track = grid("mean length", "two-view °", "total °", "% of length 1", *map(str, LENGTHS[1:]))
+    by_track.add_row(
+        fixed(quality.mean_length, 2),
+        column([quality.two_view_parallax_deg])[0],
+        column([quality.total_parallax_deg])[0],
+        *(fixed(100.0 * share, 1) for share in shares),
+    )
+    by_image = grid("per image: features", "quota", "served", "parallax °", "tracks ≥ 3", "≥ 10")
+    by_image.add_row(
+        fixed(quality.features_per_frame, 1),
+        fixed(quality.quota_asked_per_frame, 1),
+        fixed(quality.quota_served_per_frame, 1),
+        fixed(quality.total_parallax_per_frame_deg, 1),
+        fixed(quality.tracks_3_per_frame, 2),
+        fixed(quality.tracks_10_per_frame, 2),
+    )
+    parts: list[RenderableType] = [title(f"{head} {quality.rotations}"), by_track, by_image]
+    if quality.frames_without_rotation:
+        parts.append(
+            Text(
+                f"{quality.frames_without_rotation} of {quality.frames} images have no rotation: "
+                f"{quality.pairs_left_out} pairs are missing from the parallax",
+                style="dim",
+            )
+        )
+    return parts
+
+
 def _timing(timing: Mapping[str, StageTime]) -> Table:
-    table = _grid("stage", "median ms", "p95 ms", "frames")
+    table = grid("stage", "median ms", "p95 ms", "frames")
     for stage, time in timing.items():
         outer, _, inner = stage.partition(".")
         name = f"  {inner}" if inner else outer
@@ -192,35 +228,3 @@ def _events(events: Sequence[EventCount]) -> Table:
     for event in events:
         table.add_row(f"{event.count} ×", event.kind, Text(event.first_message))
     return table
-
-
-def _pairs(pairs: Sequence[tuple[str, str]]) -> Table:
-    table = Table(box=None, show_header=False, padding=(0, 1), pad_edge=False)
-    table.add_column(style="cyan", no_wrap=True)
-    table.add_column(overflow="fold")
-    for name, value in pairs:
-        table.add_row(name, Text(value))
-    return table
-
-
-def _grid(first: str, *others: str) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1), pad_edge=False)
-    table.add_column(first, no_wrap=True)
-    for name in others:
-        table.add_column(name, justify="right", no_wrap=True)
-    return table
-
-
-def _title(text: str) -> RenderableType:
-    return Padding(Rule(text, align="left", style="dim"), (1, 0, 0, 0))
-
-
-def _column(values: Sequence[float]) -> list[str]:
-    """Numbers with the same decimals, so many that the largest shows four digits or more."""
-    largest = max((abs(value) for value in values if math.isfinite(value)), default=0.0)
-    decimals = next((d for limit, d in ((0.1, 5), (1.0, 4), (100.0, 3)) if largest < limit), 2)
-    return [f"{value:.{decimals}f}" if math.isfinite(value) else _NONE for value in values]
-
-
-def _number(value: float) -> str:
-    return _column([value])[0]

@@ -13,7 +13,7 @@ from p2gd_fgo.datasets import open_sequence
 from p2gd_fgo.datasets.asl import AslSequence
 from p2gd_fgo.evaluation.evaluate import evaluate
 from p2gd_fgo.geometry.pose import interpolate
-from p2gd_fgo.pipeline import RunResult
+from p2gd_fgo.recorder import RunResult
 from p2gd_fgo.types import FloatArray, Trajectory
 
 Rows = list[str]

@@ -13,10 +13,12 @@ from p2gd_fgo.config import Config
 from p2gd_fgo.datasets import Sequence
 from p2gd_fgo.datasets.asl import AslSequence
 from p2gd_fgo.errors import DataError
-from p2gd_fgo.pipeline import RunResult, run_sequence
+from p2gd_fgo.odometry import Odometry
+from p2gd_fgo.pipeline import run_sequence
+from p2gd_fgo.recorder import RunResult
 from p2gd_fgo.simulation.demo import DemoParameters, demo_trajectory
 from p2gd_fgo.simulation.imu import synthesize_imu
-from p2gd_fgo.types import NANOSECONDS, Estimate, ImuBatch, Trajectory, Truth, Waiting
+from p2gd_fgo.types import NANOSECONDS, Estimate, Image, ImuBatch, Trajectory, Truth, Waiting
 
 GIVEN = {"initialization__kind": "given"}
 
@@ -42,8 +44,10 @@ class Watcher:
     def begin(self, sequence: Sequence, config: Config) -> None:
         self.begun.append(config)
 
-    def frame(self, index: int, outcome: Estimate | Waiting, features: int) -> None:
-        self.frames.append((index, type(outcome), features))
+    def frame(
+        self, index: int, outcome: Estimate | Waiting, image: Image, odometry: Odometry
+    ) -> None:
+        self.frames.append((index, type(outcome), odometry.features))
 
 
 @pytest.fixture(scope="module")

@@ -7,12 +7,9 @@ import pytest
 
 from p2gd_fgo.config import Config, DatasetConfig, resolve
 from p2gd_fgo.datasets import open_sequence
-from p2gd_fgo.distribution import DistributionContext, make_distribution
-from p2gd_fgo.frontend import Frontend
+from p2gd_fgo.distribution import GridDistribution
+from p2gd_fgo.frontend import CellQuotas, Frontend
 from p2gd_fgo.geometry.pose import interpolate, inverse
-from p2gd_fgo.types import Trajectory
-
-_NOWHERE = Trajectory(np.zeros(0, np.int64), np.zeros((0, 4, 4)))
 
 
 @pytest.mark.realdata
@@ -38,7 +35,7 @@ def test_tracks_are_long_and_agree_with_truth(
     config = resolve(Config(), camera.width).frontend
     assert (config.max_features, config.grid, config.min_distance_px) == settings
     frontend = Frontend(camera, config, seed=0)
-    distribution = make_distribution(Config().distribution, frontend.grid, settings[0], settings[2])
+    distribution = GridDistribution(frontend.grid, settings[0])
     lengths: dict[int, int] = {}
     distances = []
     for k, T_world_cam in enumerate(poses):
@@ -47,8 +44,7 @@ def test_tracks_are_long_and_agree_with_truth(
         frontend.track(stamp, sequence.image(k), T_cam_prev[:3, :3] if k else None)
         buffer = frontend.buffer
         seen_before = buffer.lengths > 1
-        context = DistributionContext(camera, T_imu_cam, buffer, _NOWHERE, None, None)
-        frontend.extract(distribution.quotas(context))
+        frontend.extract(CellQuotas(distribution.quotas(frontend.capacity)))
         assert len(buffer) <= settings[0]
         lengths.update(zip(buffer.ids.tolist(), buffer.lengths.tolist(), strict=True))
         t = T_cam_prev[:3, 3]

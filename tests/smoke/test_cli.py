@@ -52,7 +52,7 @@ class TestHelp:
     def test_lists_the_commands(self, cli: Cli) -> None:
         code, out, _ = cli("--help")
         assert code == 0
-        assert all(command in out for command in ("run", "demo", "evaluate", "config"))
+        assert all(command in out for command in ("run", "demo", "compare", "evaluate", "config"))
 
     def test_version(self, cli: Cli) -> None:
         code, out, _ = cli("--version")
@@ -108,18 +108,39 @@ class TestRun:
         names = {path.name for path in done.iterdir()}
         assert names == {
             "config.yaml", "estimate.tum", "events.jsonl", "evo_result.zip", "metrics.json",
-            "smoothed.tum", "status.json", "timing.csv", "trajectory.png", "truth.tum",
+            "smoothed.tum", "status.json", "timing.csv", "tracks.npz", "trajectory.png",
+            "truth.tum",
         }  # fmt: skip
         assert json.loads((done / "status.json").read_text())["state"] == "done"
         metrics = json.loads((done / "metrics.json").read_text())
         assert metrics["ate_m"]["yaw_pos"]["rmse"] < 0.1
         assert metrics["completeness"] > 0.7
+        tracking = metrics["tracking"]
+        assert tracking["rotations"] == "truth" and tracking["frames_without_rotation"] == 0
+        assert 2.0 < tracking["mean_length"] < 20.0
+        assert 0.0 < tracking["two_view_parallax_deg"] < tracking["total_parallax_deg"]
+        assert 0.0 < tracking["single_frame_share"] < 1.0
+        assert tracking["features_per_frame"] < tracking["quota_asked_per_frame"] <= 150
         assert load_config(done / "config.yaml").frontend.max_features == 150
 
     def test_two_processes_give_identical_bytes(self, done: Path, short_demo: Path) -> None:
         again = done.parent / "again"
         process("run", short_demo, "--out", again)
-        assert (again / "estimate.tum").read_bytes() == (done / "estimate.tum").read_bytes()
+        for name in ("estimate.tum", "tracks.npz"):
+            assert (again / name).read_bytes() == (done / name).read_bytes()
+
+    def test_pictures_of_single_images(self, short_demo: Path, cli: Cli, tmp_path: Path) -> None:
+        out = tmp_path / "out"
+        code, printed, err = cli(
+            "run", short_demo, "--distribution", "p2gd", "--figures", "5, 60,60", "--out", out
+        )
+        assert code == 0, err
+        assert {p.name for p in (out / "figures").iterdir()} == {
+            "features_000005.png", "p2gd_000060.png",
+        }  # fmt: skip
+        assert "picture of image 5 shows features and quotas alone" in " ".join(printed.split())
+        events = (out / "events.jsonl").read_text()
+        assert events.count("figure_without_p2gd") == 1
 
     def test_seed_varies_the_run(self, done: Path, short_demo: Path, cli: Cli) -> None:
         code, out, err = cli("run", short_demo, "--seed", 1, "--out", done.parent / "other")
@@ -200,6 +221,74 @@ class TestRun:
         assert again["ate_m"]["yaw_pos"]["rmse"] == pytest.approx(rmse, rel=1e-6)
 
 
+@pytest.mark.xdist_group("finished run")
+class TestCompare:
+    SHORT = ("--set", "dataset.duration_s=3", "--set", "initialization.kind=given")
+
+    def rows(self, printed: str) -> list[list[str]]:
+        """Cells of the table's rows."""
+        lines = [line.split() for line in printed.splitlines()]
+        return [cells for cells in lines if cells and cells[0] in ("smoother", "dead_reckoning")]
+
+    def test_one_row_and_one_run_directory_for_each_combination(
+        self, short_demo: Path, cli: Cli, tmp_path: Path
+    ) -> None:
+        out = tmp_path / "many"
+        arguments = (
+            "compare", short_demo, "--backend", "smoother,dead_reckoning",
+            "--distribution", "grid, p2gd", "--out", out, "--seed", 3, *self.SHORT,
+        )  # fmt: skip
+        code, printed, err = cli(*arguments)
+        assert code == 0, err
+        names = [f"{b}-{d}" for b in ("smoother", "dead_reckoning") for d in ("grid", "p2gd")]
+        assert ["-".join(cells[:2]) for cells in self.rows(printed)] == names
+        assert all(cells[-1] == "done" for cells in self.rows(printed))
+        assert "yaw_pos (position + yaw)" in printed and "4, one per row" in printed
+        for name in names:
+            metrics = json.loads((out / name / "metrics.json").read_text())
+            assert f"{metrics['backend']}-{metrics['distribution']}" == name
+            assert metrics["seed"] == 3
+
+        code, _, err = cli(*arguments)
+        assert code == 2 and "--overwrite" in err
+        alone = tmp_path / "alone"
+        assert cli("run", short_demo, "--seed", 3, "--out", alone, *self.SHORT)[0] == 0
+        again = (out / "smoother-grid" / "estimate.tum").read_bytes()
+        assert again == (alone / "estimate.tum").read_bytes()
+
+    def test_failed_runs_have_their_rows(
+        self, short_demo: Path, cli: Cli, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setenv("COLUMNS", "80")  # no terminal: still one table, no row cut
+        code, printed, _ = cli(
+            "compare", short_demo, "--distribution", "grid,p2gd", "--out", tmp_path / "out",
+            "--set", "dataset.start_s=4", "--set", "dataset.duration_s=2",
+        )  # fmt: skip
+        assert code == 1
+        assert [cells[-1] for cells in self.rows(printed)] == ["FAILED"] * 2
+        assert "smoother-grid failed: " in printed and "…" not in printed
+
+    @pytest.mark.parametrize(
+        ("option", "names", "says"),
+        [
+            ("--backend", "smoother,smother", "did you mean 'smoother'"),
+            ("--distribution", "grid,", "it takes grid, p2gd"),
+        ],
+    )
+    def test_unknown_names(
+        self, short_demo: Path, cli: Cli, tmp_path: Path, option: str, names: str, says: str
+    ) -> None:
+        out = tmp_path / "out"
+        code, _, err = cli("compare", short_demo, option, names, "--out", out)
+        assert code == 2 and says in err and option in err
+        assert len(err.strip().splitlines()) == 1 and not out.exists()
+
+    def test_bad_input_of_all_runs_is_one_sentence(self, cli: Cli, tmp_path: Path) -> None:
+        code, _, err = cli("compare", tmp_path / "nowhere", "--out", tmp_path / "out")
+        assert code == 2 and "nowhere" in err
+        assert len(err.strip().splitlines()) == 1
+
+
 class TestBadInput:
     def test_missing_folder(self, cli: Cli, tmp_path: Path) -> None:
         refuse(cli, tmp_path / "nowhere", says=("nowhere",))
@@ -212,6 +301,15 @@ class TestBadInput:
 
     def test_window_of_one(self, cli: Cli, tmp_path: Path) -> None:
         refuse(cli, tmp_path, "--set", "backend.window=1", says=("backend.window is 1",))
+
+    @pytest.mark.parametrize("frames", ["12x", "-3", "1,,2", ""])
+    def test_figures_that_are_no_numbers(self, cli: Cli, tmp_path: Path, frames: str) -> None:
+        refuse(cli, tmp_path, f"--figures={frames}", says=("--figures", "120,450"))
+
+    def test_figures_beyond_the_recording(self, cli: Cli, short_demo: Path, tmp_path: Path) -> None:
+        out = tmp_path / "out"
+        refuse(cli, short_demo, "--figures", "5,71", "--out", out, says=("71", "from 0 to 70"))
+        assert not out.exists()
 
     def test_setting_without_value(self, cli: Cli, tmp_path: Path) -> None:
         refuse(cli, tmp_path, "--set", "backend.window", says=("KEY=VALUE",))

@@ -15,8 +15,9 @@ import p2gd_fgo
 ROOT = Path(p2gd_fgo.__file__).parent
 ROOMS = [
     *("errors", "threads", "types", "timing", "config", "geometry", "imu", "datasets"),
-    *("simulation", "priors", "frontend", "distribution", "initialization", "backends"),
-    *("odometry", "pipeline", "atomic_files", "trajectory_files", "run_directory", "evaluation"),
+    *("simulation", "atomic_files", "trajectory_files", "priors", "frontend", "distribution"),
+    *("initialization", "backends", "odometry", "recorder", "pipeline"),
+    *("run_directory", "evaluation"),
     *("report", "experiment", "study", "cli", "__main__"),
 ]
 FILES = sorted(

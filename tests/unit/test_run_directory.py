@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import time
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ import pytest
 from p2gd_fgo.atomic_files import atomic_path, write_text
 from p2gd_fgo.errors import ConfigError
 from p2gd_fgo.run_directory import FILES, RunDirectory, read_status
-from p2gd_fgo.types import Event, Trajectory
+from p2gd_fgo.types import Event, TrackRecord, Trajectory
 
 
 def test_life_of_a_run(tmp_path: Path) -> None:
@@ -82,6 +83,37 @@ def test_metrics_are_sorted_and_hold_no_nan(tmp_path: Path) -> None:
     assert list(json.loads(text)) == ["a", "b", "c"]
     assert json.loads(text) == {"a": {"y": [1.0, None], "z": 2.5}, "b": None, "c": [1, 2]}
     assert "NaN" not in text and "Infinity" not in text
+
+
+def test_tracks_are_the_same_bytes_at_another_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    record = TrackRecord(
+        np.array([7, 8]), np.array([1, 2]), np.array([5, 5]), np.array([0, 0, 3]),
+        np.array([[0.1, 0.2], [0.3, 0.4], [0.5, 0.6]]),
+    )  # fmt: skip
+    written = []
+    for now in (1.0e9, 1.6e9):
+        monkeypatch.setattr(time, "time", lambda now=now: now)
+        run = RunDirectory(tmp_path / str(now), overwrite=False)
+        run.write_tracks(record)
+        written.append((run.path / "tracks.npz").read_bytes())
+    assert written[0] == written[1]
+    with np.load(run.path / "tracks.npz") as stored:
+        assert set(stored) == {"stamps_ns", "counts", "asked", "ids", "normalized"}
+        np.testing.assert_array_equal(stored["ids"], record.ids)
+        assert stored["normalized"].dtype == np.float32
+        np.testing.assert_allclose(stored["normalized"], record.normalized, atol=1e-7)
+
+
+def test_pictures_of_the_old_run_go_and_others_stay(tmp_path: Path) -> None:
+    old = RunDirectory(tmp_path, overwrite=False)
+    for index in (7, 120):
+        old.image_figure("p2gd", index).write_text("png")
+    assert (tmp_path / "figures" / "p2gd_000120.png").exists()
+    (tmp_path / "figures" / "mine_000001.png").write_text("keep me")
+    RunDirectory(tmp_path, overwrite=True)
+    assert [p.name for p in (tmp_path / "figures").iterdir()] == ["mine_000001.png"]
 
 
 def test_timing_columns_are_the_union_of_stages(tmp_path: Path) -> None:

@@ -1,31 +1,25 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from p2gd_fgo.config import DistributionConfig
-from p2gd_fgo.distribution import DistributionContext, GridDistribution, make_distribution
-from p2gd_fgo.frontend import CellGrid, FeatureBuffer
-from p2gd_fgo.geometry.camera import RadTanCamera
-from p2gd_fgo.types import Trajectory
+from p2gd_fgo.distribution import GridDistribution
+from p2gd_fgo.frontend import CellGrid
+from p2gd_fgo.types import IntArray
 
 
-@pytest.fixture
-def context() -> DistributionContext:
-    camera = RadTanCamera(800, 600, 500.0, 500.0, 400.0, 300.0, 0.0, 0.0, 0.0, 0.0)
-    nowhere = Trajectory(np.zeros(0, np.int64), np.zeros((0, 4, 4)))
-    return DistributionContext(camera, np.eye(4), FeatureBuffer(5), nowhere, None, None)
+def _quotas(grid: CellGrid, features: int, distance: float) -> IntArray:
+    return GridDistribution(grid, features).quotas(grid.capacities(distance))
 
 
-def test_the_papers_settings(context: DistributionContext) -> None:
-    distribution = make_distribution(DistributionConfig(), CellGrid(10, 6, 1280, 560), 180, 40.0)
-    np.testing.assert_array_equal(distribution.quotas(context), np.full((6, 10), 3))
+def test_the_papers_settings() -> None:
+    quotas = _quotas(CellGrid(10, 6, 1280, 560), 180, 40.0)
+    np.testing.assert_array_equal(quotas, np.full((6, 10), 3))
 
 
-def test_a_remainder_is_spread_through_the_image(context: DistributionContext) -> None:
-    quotas = GridDistribution(CellGrid(8, 6, 800, 600), 150, 30.0).quotas(context)
+def test_a_remainder_is_spread_through_the_image() -> None:
+    quotas = _quotas(CellGrid(8, 6, 800, 600), 150, 30.0)
     assert quotas.sum() == 150
     assert set(quotas.ravel().tolist()) == {3, 4}
     rows, columns = np.nonzero(quotas == 4)
@@ -42,7 +36,7 @@ def test_a_remainder_is_spread_through_the_image(context: DistributionContext) -
 )
 def test_even_capped_and_complete(columns: int, rows: int, features: int, distance: float) -> None:
     grid = CellGrid(columns, rows, 640, 480)
-    quotas = GridDistribution(grid, features, distance)._quotas
+    quotas = _quotas(grid, features, distance)
     capacity = grid.capacity(distance)
     assert quotas.shape == (rows, columns)
     assert quotas.max() - quotas.min() <= 1
@@ -51,7 +45,12 @@ def test_even_capped_and_complete(columns: int, rows: int, features: int, distan
         assert quotas.sum() == features
 
 
-def test_the_answer_is_the_callers_to_change(context: DistributionContext) -> None:
-    distribution = GridDistribution(CellGrid(4, 3, 640, 480), 60, 20.0)
-    distribution.quotas(context)[:] = 0
-    assert distribution.quotas(context).sum() == 60
+def test_masked_cells_ask_for_nothing() -> None:
+    grid = CellGrid(4, 3, 640, 480)
+    allowed = np.ones((480, 640), np.bool_)
+    allowed[:160, :240] = False  # one cell, and the left half of the next
+    capacity = grid.capacities(20.0, allowed)
+    np.testing.assert_array_equal(capacity[0], [0, 32, 64, 64])
+    quotas = GridDistribution(grid, 12 * 40).quotas(capacity)
+    np.testing.assert_array_equal(quotas[0], [0, 32, 40, 40])
+    assert (quotas[1:] == 40).all()

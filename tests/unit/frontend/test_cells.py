@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from p2gd_fgo.frontend.cells import CellGrid
 
@@ -37,3 +39,23 @@ def test_count_adds_up() -> None:
 )
 def test_capacity(grid: CellGrid, distance: float, capacity: int) -> None:
     assert grid.capacity(distance) == capacity
+
+
+@given(
+    columns=st.integers(1, 15),
+    rows=st.integers(1, 12),
+    width=st.integers(16, 130),
+    height=st.integers(12, 110),
+    share=st.floats(0.0, 1.0),
+    seed=st.integers(0, 1000),
+)
+def test_capacities_count_what_the_mask_leaves_of_each_cell(
+    columns: int, rows: int, width: int, height: int, share: float, seed: int
+) -> None:
+    grid = CellGrid(columns, rows, width, height)
+    allowed = np.random.default_rng(seed).random((height, width)) < share
+    cells = grid.cell_of(np.argwhere(np.ones_like(allowed))[:, ::-1].astype(np.float64))
+    found = grid.capacities(3.0, allowed).ravel()
+    for cell in range(columns * rows):
+        inside = allowed.ravel()[cells == cell]
+        assert found[cell] == np.ceil(grid.capacity(3.0) * inside.mean())

@@ -7,29 +7,28 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.distance import cdist, pdist
 
+from p2gd_fgo.frontend import CellQuotas, Corners
 from p2gd_fgo.frontend.cells import CellGrid
-from p2gd_fgo.frontend.detector import CornerDetector, select_by_need
-from p2gd_fgo.types import BoolArray, FloatArray, IntArray
+from p2gd_fgo.frontend.detector import CornerDetector
+from p2gd_fgo.frontend.selection import select_by_need
+from p2gd_fgo.types import FloatArray
 
 GRID = CellGrid(4, 3, WIDTH, HEIGHT)
 DISTANCE = 15.0
 
 
-def _detector(
-    subpixel: bool = True, allowed: BoolArray | None = None, threshold: int = 15
-) -> CornerDetector:
+def _detector(subpixel: bool = True, threshold: int = 15) -> CornerDetector:
     return CornerDetector(
         GRID,
         fast_threshold=threshold,
         min_distance_px=DISTANCE,
         border_px=8,
         subpixel=subpixel,
-        allowed=allowed,
     )
 
 
-def _quotas(value: int) -> IntArray:
-    return np.full(GRID.shape, value, np.int64)
+def _quotas(value: int) -> CellQuotas:
+    return CellQuotas(np.full(GRID.shape, value, np.int64))
 
 
 @settings(max_examples=60, deadline=None)
@@ -48,7 +47,7 @@ def test_selection_keeps_every_rule(
     responses = rng.integers(10, 60, count).astype(np.float64)
     need = rng.integers(0, quota + 1, GRID.rows * GRID.columns).astype(np.int64)
     cells = GRID.cell_of(corners)
-    chosen = select_by_need(corners, responses, cells, need, distance, budget)
+    chosen = select_by_need(Corners(corners, responses, cells, GRID, distance), need, budget)
     assert len(chosen) <= budget
     assert len(set(chosen.tolist())) == len(chosen)
     served = np.bincount(cells[chosen], minlength=len(need))
@@ -71,7 +70,7 @@ def test_the_largest_need_is_served_first_and_in_it_the_strongest() -> None:
 
     def chosen(budget: int) -> list[int]:
         cells = GRID.cell_of(corners)
-        return list(select_by_need(corners, responses, cells, need, 10.0, budget))
+        return list(select_by_need(Corners(corners, responses, cells, GRID, 10.0), need, budget))
 
     assert chosen(1) == [1]
     assert chosen(2) == [1, 3]  # now both need 2: the stronger corner
@@ -100,7 +99,7 @@ def test_new_features_respect_distance_quota_cap_and_border(
 def test_quotas_are_filled_where_the_texture_allows() -> None:
     quotas = np.zeros(GRID.shape, np.int64)
     quotas[1, 2], quotas[2, 0] = 5, 3
-    new = _detector().detect(texture(), np.zeros((0, 2)), quotas, 200)
+    new = _detector().detect(texture(), np.zeros((0, 2)), CellQuotas(quotas), 200)
     np.testing.assert_array_equal(GRID.count(new), quotas)
 
 
@@ -113,9 +112,11 @@ def test_nothing_is_asked_for_nothing_comes() -> None:
 def test_mask() -> None:
     allowed = np.zeros((HEIGHT, WIDTH), np.bool_)
     allowed[:, :100] = True
-    new = _detector(allowed=allowed).detect(texture(), np.zeros((0, 2)), _quotas(8), 200)
+    detector = _detector()
+    new = detector.detect(texture(), np.zeros((0, 2)), _quotas(8), 200, allowed)
     assert len(new) > 10
     assert (new[:, 0] < 99.5).all()
+    assert detector.corner_counts[:, 2:].sum() == 0
 
 
 @pytest.mark.parametrize("grey", [0, 128])

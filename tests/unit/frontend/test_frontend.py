@@ -6,11 +6,11 @@ from frontend_scenes import CAMERA, HEIGHT, WIDTH, rotated_view, settings, shift
 
 from p2gd_fgo.config import FrontendConfig
 from p2gd_fgo.errors import ConfigError, DataError
-from p2gd_fgo.frontend import Frontend, TrackSummary
+from p2gd_fgo.frontend import CellQuotas, Frontend, TrackSummary
 from p2gd_fgo.geometry import so3
 from p2gd_fgo.types import Image, Observations
 
-QUOTAS = np.full((3, 4), 5, np.int64)
+QUOTAS = CellQuotas(np.full((3, 4), 5, np.int64))
 
 
 def _frontend(seed: int = 0, mask: Image | None = None, **changes: object) -> Frontend:
@@ -79,7 +79,7 @@ def test_a_track_at_the_maximum_length_is_consumed() -> None:
 
 
 def test_a_consumed_track_can_be_continued_under_a_new_id() -> None:
-    frontend = Frontend(CAMERA, settings(max_track_length=4), 0, continue_consumed=True)
+    frontend = _frontend(max_track_length=4, continue_consumed=True)
     observations = _run(frontend, [texture(2)] * 6)
     assert not np.intersect1d(observations[3].ids, observations[4].ids).size
     np.testing.assert_allclose(observations[3].pixels, observations[4].pixels, atol=0.01)
@@ -139,7 +139,7 @@ def test_seeds_move_the_fast_threshold_by_at_most_one() -> None:
     for seed in range(3):
         frontend = _frontend(seed, fast_threshold=6, min_distance_px=2.0, max_features=2000)
         frontend.track(0, flat, None)
-        counts.append(frontend.extract(np.full((3, 4), 500, np.int64)))
+        counts.append(frontend.extract(CellQuotas(np.full((3, 4), 500, np.int64))))
     assert counts[2] > counts[0] > counts[1]
 
 
@@ -165,7 +165,7 @@ def test_first_image_and_before() -> None:
         frontend.extract(QUOTAS)
     assert frontend.track(7, texture(), None) == TrackSummary()
     with pytest.raises(ValueError, match="shape"):
-        frontend.extract(np.ones((4, 3), np.int64))
+        frontend.extract(CellQuotas(np.ones((4, 3), np.int64)))
 
 
 def test_equalisation_finds_features_in_a_dim_image() -> None:
@@ -185,3 +185,73 @@ def test_wrong_inputs_are_refused_by_name() -> None:
         _frontend().track(0, np.zeros((10, 10), np.uint8), None)
     with pytest.raises(ConfigError, match=r"frontend\.grid"):
         Frontend(CAMERA, FrontendConfig(), 0)
+
+
+def _half(columns: slice) -> Image:
+    mask = np.full((HEIGHT, WIDTH), 255, np.uint8)
+    mask[:, columns] = 0
+    return mask
+
+
+def test_a_mask_holds_for_its_own_image() -> None:
+    frontend = _frontend()
+    frontend.track(0, texture(2), None)
+    frontend.extract(QUOTAS)
+    full = frontend.capacity.copy()
+    here = int((frontend.buffer.pixels[:, 0] > 160).sum())
+    right = _half(slice(160, None))
+    summary = frontend.track(1, texture(2), np.eye(3), right)
+    assert summary.lost_outside >= here > 10
+    assert (frontend.capacity[:, 2:] == 0).all() and (frontend.capacity[:, :2] == full[:, :2]).all()
+    assert frontend.allowed is not None and not frontend.allowed[:, 160:].any()
+    frontend.extract(QUOTAS)
+    assert (frontend.buffer.pixels[:, 0] < 159.5).all()
+    frontend.track(2, texture(2), np.eye(3))
+    assert [frontend.allowed] == [None]
+    np.testing.assert_array_equal(frontend.capacity, full)
+    frontend.extract(QUOTAS)
+    assert (frontend.buffer.pixels[:, 0] > 160).sum() > 10
+
+
+def test_an_images_mask_joins_that_of_all_images() -> None:
+    frontend = _frontend(mask=_half(slice(0, 100)))
+    always = frontend.capacity.copy()
+    frontend.track(0, texture(2), None, _half(slice(220, None)))
+    frontend.extract(QUOTAS)
+    u = frontend.buffer.pixels[:, 0]
+    assert len(u) > 8 and (u > 99).all() and (u < 220).all()
+    assert (frontend.capacity <= always).all() and (frontend.capacity[:, 3] == 0).all()
+    frontend.track(1, texture(2), None)
+    np.testing.assert_array_equal(frontend.capacity, always)
+
+
+def test_a_mask_without_holes_changes_nothing() -> None:
+    plain, masked = _frontend(), _frontend()
+    for k, image in enumerate(_drift(5)):
+        plain.track(k, image, np.eye(3))
+        masked.track(k, image, np.eye(3), np.full((HEIGHT, WIDTH), 7, np.uint8))
+        plain.extract(QUOTAS)
+        masked.extract(QUOTAS)
+    np.testing.assert_array_equal(plain.buffer.pixel_history, masked.buffer.pixel_history)
+    np.testing.assert_array_equal(plain.capacity, masked.capacity)
+
+
+def test_a_quite_masked_image_loses_everything_and_goes_on() -> None:
+    frontend = _frontend()
+    frontend.track(0, texture(2), None)
+    frontend.extract(QUOTAS)
+    assert frontend.track(1, texture(2), None, np.zeros((HEIGHT, WIDTH), np.uint8)).tracked == 0
+    assert frontend.extract(QUOTAS) == 0
+    frontend.track(2, texture(2), None)
+    assert frontend.extract(QUOTAS) == 60
+
+
+def test_a_mask_of_another_size_leaves_the_front_end_as_it_was() -> None:
+    frontend = _frontend()
+    frontend.track(0, texture(2), None)
+    frontend.extract(QUOTAS)
+    before = frontend.observations()
+    with pytest.raises(DataError, match=r"mask .*320x240"):
+        frontend.track(1, texture(2), None, np.zeros((10, 10), np.uint8))
+    np.testing.assert_array_equal(frontend.observations().pixels, before.pixels)
+    assert frontend.observations().stamp_ns == 0

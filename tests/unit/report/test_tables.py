@@ -11,6 +11,7 @@ from rich.console import Console, RenderableType
 from p2gd_fgo.config.models import EvaluationConfig
 from p2gd_fgo.evaluation.evaluate import evaluate
 from p2gd_fgo.evaluation.metrics import Metrics
+from p2gd_fgo.evaluation.tracking_quality import TrackingQuality
 from p2gd_fgo.report.summaries import summarize_events, summarize_timing
 from p2gd_fgo.report.tables import evaluate_table, run_table
 from p2gd_fgo.types import Event, Trajectory
@@ -29,6 +30,26 @@ def drive(count: int, noise: float) -> Trajectory:
 def metrics(count: int = 400, total: int | None = 400) -> Metrics:
     return evaluate(
         drive(count, 1.0), drive(400, 0.0), frames_total=total, config=EvaluationConfig()
+    )
+
+
+def tracking(tracks: int = 12345) -> TrackingQuality:
+    return TrackingQuality(
+        rotations="truth",
+        frames=398,
+        tracks=tracks,
+        mean_length=3.9811,
+        length_shares={1: 0.5188, 5: 0.043, 10: 0.011, 15: 0.008, 20: 0.0771},
+        total_parallax_deg=3.2491,
+        two_view_parallax_deg=0.81632,
+        total_parallax_per_frame_deg=118.9,
+        features_per_frame=145.71,
+        tracks_3_per_frame=12.3,
+        tracks_10_per_frame=4.5,
+        quota_asked_per_frame=180.0,
+        quota_served_per_frame=178.3,
+        frames_without_rotation=12,
+        pairs_left_out=3456,
     )
 
 
@@ -84,6 +105,19 @@ def test_undetermined_alignment_shows_a_dash() -> None:
     result = evaluate(still, still, frames_total=20, config=EvaluationConfig())
     shown = text(evaluate_table(result))
     assert "–" in shown and "not determined" in shown and "nan" not in shown
+
+
+@pytest.mark.parametrize("width", [80, 120])
+def test_tracking_has_a_section_of_its_own(width: int) -> None:
+    shown = text(run_table(HEADER, metrics(), {}, ("done", None), [], tracking()), width)
+    for word in (
+        *("12345 tracks", "rotations from truth", "3.98", "0.8163", "3.249", "51.9", "145.7"),
+        *("178.3", "12 of 398 images", "3456 pairs"),
+    ):
+        assert word in shown
+    assert "…" not in shown and max(map(len, shown.splitlines())) <= width
+    assert "tracking" not in text(run_table(HEADER, metrics(), {}, ("done", None), []))
+    assert "tracking" not in text(run_table(HEADER, None, {}, ("failed", "x"), [], tracking(0)))
 
 
 def test_timing_is_the_median_of_frames_that_had_the_stage() -> None:
