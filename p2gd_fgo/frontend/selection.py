@@ -90,7 +90,7 @@ class CellQuotas:
     refill
         Whether what cells could not serve is handed on, one feature at a time, to the cell with
         the largest quota for each feature that it then has (D'Hondt's rule), as long as it has
-        corners; to cells without quota last. The features asked for in all are not exceeded.
+        corners; to a cell without quota never. The features asked for in all are not exceeded.
     capacity
         (rows, columns) features that a cell is filled up to by refilling; None: no limit.
     """
@@ -129,6 +129,7 @@ class CellQuotas:
         ahead = np.arange(missing)
         share = self.quotas.reshape(-1, 1) / (held[:, None] + 1 + ahead)
         rank = np.unique(share, return_inverse=True)[1].reshape(share.shape) + 1
+        rank[share == 0.0] = 0
         if self.capacity is not None:
             rank[held[:, None] + ahead >= self.capacity.reshape(-1, 1)] = 0
         index = np.flatnonzero((rank[:, 0] > 0)[free.cells])

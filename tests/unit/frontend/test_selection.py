@@ -64,13 +64,15 @@ def test_refilling_adds_to_the_quotas_and_keeps_every_rule(
         assert pdist(corners.pixels[chosen]).min() >= distance
     if len(chosen) and kept:
         assert cdist(corners.pixels[chosen], old).min() >= distance
+    assert not GRID.count(corners.pixels[chosen])[quotas == 0].any()
     handed_on = GRID.count(corners.pixels[chosen]) - GRID.count(corners.pixels[plain])
     assert (
         GRID.count(everything) <= np.maximum(capacity, GRID.count(everything) - handed_on)
     ).all()
     if len(chosen) < min(budget, quotas.sum() - kept):  # no corner is left that could serve
         left = np.setdiff1d(np.arange(count), chosen)
-        left = left[(GRID.count(everything) < capacity).ravel()[corners.cells[left]]]
+        open_cells = (quotas > 0) & (GRID.count(everything) < capacity)
+        left = left[open_cells.ravel()[corners.cells[left]]]
         assert (
             len(left) == 0 or (cdist(corners.pixels[left], everything).min(axis=1) < distance).all()
         )
@@ -84,7 +86,7 @@ def test_what_is_handed_on_goes_in_proportion_to_the_quotas() -> None:
     np.testing.assert_array_equal(GRID.count(corners.pixels[chosen])[0], [0, 16, 8, 0])
     capacity = np.full(GRID.shape, 9)
     chosen = CellQuotas(quotas, True, capacity).select(corners, NOTHING, 100)
-    np.testing.assert_array_equal(GRID.count(corners.pixels[chosen])[0], [0, 9, 9, 6])
+    np.testing.assert_array_equal(GRID.count(corners.pixels[chosen])[0], [0, 9, 9, 0])
     chosen = CellQuotas(quotas, True, capacity).select(corners, NOTHING, 14)
     np.testing.assert_array_equal(GRID.count(corners.pixels[chosen])[0], [0, 9, 5, 0])
 
