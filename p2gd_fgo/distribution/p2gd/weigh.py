@@ -27,11 +27,11 @@ def total_parallax(
         Whether the angle between the last image that sees the point and the one that loses it
         counts too: the letter of eq. 6 with a length "recorded as i".
     """
-    rays = points[:, None] - tracks.T_world_cam[:, :3, 3]
-    rays /= np.sqrt(np.einsum("phi,phi->ph", rays, rays))[..., None]
-    chord = rays[:, 1:] - rays[:, :-1]
-    half = 0.5 * np.sqrt(np.einsum("phi,phi->ph", chord, chord))
-    angles = 2.0 * np.arcsin(np.minimum(half, 1.0))
+    rays = points.T - tracks.T_world_cam[:, :3, 3:]  # (H + 1, 3, P)
+    rays /= np.sqrt(np.einsum("hip,hip->hp", rays, rays))[:, None]
+    chord = rays[1:] - rays[:-1]
+    half = 0.5 * np.sqrt(np.einsum("hip,hip->hp", chord, chord))
+    angles = 2.0 * np.arcsin(np.minimum(half, 1.0)).T
     counted = tracks.visible[:, :-1] if into_loss else tracks.visible[:, 1:]
     return np.asarray(np.where(counted, angles, 0.0).sum(axis=1))
 
