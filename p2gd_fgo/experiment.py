@@ -175,7 +175,7 @@ def describe(
         ("camera", f"{camera.width}x{camera.height} · {type(camera).__name__}"),
         ("back end", backend),
         ("distribution", config.distribution.kind),
-        ("priors", result.priors),
+        ("priors", result.priors if config.distribution.kind == "p2gd" else "not used"),
         (
             "features",
             f"{f.max_features} · grid {f.grid[0]}x{f.grid[1]} · {f.min_distance_px:g} px apart · "

@@ -126,7 +126,8 @@ def _compare(combinations: Sequence[Config], out: Path, overwrite: bool) -> None
                 done.result.reason,
             )
         )
-        header = header or _common(done.header, out)
+        if not header or distribution == "p2gd":
+            header = _common(done.header, out)
     if len(refusals) == len(runs):
         raise refusals[0]
     if not console.is_terminal:
