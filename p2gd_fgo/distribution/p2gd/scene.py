@@ -72,11 +72,10 @@ class Scene:
 
         config = self._config
         columns, poses = _common(buffer.stamps_ns, recent)
-        sightings = buffer.normalized_history[:, columns]
-        wanted = np.isfinite(sightings[..., 0]).sum(axis=1) >= config.min_views
+        wanted = buffer.lengths >= config.min_views
         wanted[row[row >= 0]] = False
         new = np.flatnonzero(wanted)
-        found = triangulate(sightings[new], poses @ T_imu_cam)
+        found = triangulate(buffer.normalized_history[new[:, None], columns], poses @ T_imu_cam)
         good = acceptable(
             found,
             min_views=config.min_views,
