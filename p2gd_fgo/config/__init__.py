@@ -1,20 +1,22 @@
 """Typed configuration: frozen models, YAML with ``extends:``, defaults that follow the image."""
 
+from p2gd_fgo.config.features import (
+    DistributionConfig,
+    FrontendConfig,
+    P2gdConfig,
+    PriorsConfig,
+    SceneConfig,
+)
 from p2gd_fgo.config.loading import config_hash, dump_yaml, load_config, override, resolve
 from p2gd_fgo.config.models import (
     BackendConfig,
     Config,
     DatasetConfig,
-    DistributionConfig,
     EvaluationConfig,
-    FrontendConfig,
     GivenStartConfig,
     ImuConfig,
     InitializationConfig,
-    P2gdConfig,
-    PriorsConfig,
     RuntimeConfig,
-    SceneConfig,
     SmootherConfig,
     StaticStartConfig,
     StationaryConfig,
