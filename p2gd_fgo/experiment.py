@@ -167,8 +167,10 @@ def describe(
     camera, f, b = sequence.calibration.camera, config.frontend, config.backend
     assert f.grid is not None
     backend: str = b.kind
-    if b.kind == "smoother":
+    if b.kind in ("smoother", "msckf"):
         backend += f" · window {b.window} · pixel noise {b.pixel_noise_px:g} px"
+    if b.kind == "msckf" and b.msckf.fej:
+        backend += " · first-estimate Jacobians"
     start = result.start_note or f"{config.initialization.kind}, refused"
     return [
         ("sequence", f"{sequence.name} · {len(stamps)} images in {seconds:.1f} s, {rate:.1f} Hz"),

@@ -14,21 +14,23 @@ from functools import partial
 
 import numpy as np
 
-from p2gd_fgo.backends.smoother import Smoother
-from p2gd_fgo.config import load_config
+from p2gd_fgo.backends.factory import make_backend
+from p2gd_fgo.config import Config, load_config, override
 from p2gd_fgo.evaluation.feature_runs import detected_still, run_features
 from p2gd_fgo.simulation.feature_recording import ROBOT_PLATFORM, record_features
-from p2gd_fgo.simulation.imu import MEMS_NOISE
+from p2gd_fgo.timing import StageTimer
 
 STOPS = ((40.0, 22.0, 37.0), (30.0, 10.0, 25.0))  # length of the drive, begin and end of the stop
 DETECTION_S = 0.5
 SETTLED_FRAMES = 30
 
 
-def job(seed: int, duration_s: float, begin_s: float, end_s: float) -> tuple[float, ...]:
+def job(
+    seed: int, config: Config, duration_s: float, begin_s: float, end_s: float
+) -> tuple[float, ...]:
     rng = np.random.default_rng(seed)
     recording = record_features(ROBOT_PLATFORM, duration_s, rng, stops_s=((begin_s, end_s),))
-    backend = Smoother(recording.calibration, MEMS_NOISE, 9.81, load_config().backend)
+    backend = make_backend(config, recording.calibration, StageTimer())
     still = detected_still(recording, DETECTION_S)
     result = run_features(backend, recording, np.random.default_rng([seed, 1]), stationary=still)
     p = np.array([e.state.T_world_imu[:3, 3] for e in result.estimates])
@@ -44,9 +46,13 @@ def job(seed: int, duration_s: float, begin_s: float, end_s: float) -> tuple[flo
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--backend", default="smoother")
+    parser.add_argument("--set", action="append", default=[], metavar="FIELD=VALUE")
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--jobs", type=int, default=2)
     options = parser.parse_args()
+    settings = dict(item.split("=", 1) for item in options.set)
+    config = override(load_config(), {"backend.kind": options.backend, **settings})
     write = sys.stdout.write
     write(
         "| stop s | seed | moved m | moved from 3 s on m | error at its begin m | at its end m |\n"
@@ -54,7 +60,7 @@ def main() -> None:
     write("|---|---|---|---|---|---|\n")
     with ProcessPoolExecutor(options.jobs) as pool:
         for duration_s, begin_s, end_s in STOPS:
-            work = partial(job, duration_s=duration_s, begin_s=begin_s, end_s=end_s)
+            work = partial(job, config=config, duration_s=duration_s, begin_s=begin_s, end_s=end_s)
             rows = list(pool.map(work, range(options.seeds)))
             name = f"{begin_s:g}-{end_s:g}"
             for seed, row in enumerate(rows):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from p2gd_fgo.backends.base import Backend
 from p2gd_fgo.backends.dead_reckoning import DeadReckoning
+from p2gd_fgo.backends.msckf import Msckf
 from p2gd_fgo.backends.smoother import Smoother
 from p2gd_fgo.config import Config
 from p2gd_fgo.datasets.base import Calibration, ImuNoise
@@ -22,6 +23,8 @@ def make_backend(config: Config, calibration: Calibration, timer: StageTimer) ->
     noise = imu_noise(config, calibration)
     if config.backend.kind == "dead_reckoning":
         return DeadReckoning(noise, config.imu.gravity)
+    if config.backend.kind == "msckf":
+        return Msckf(calibration, noise, config.imu.gravity, config.backend, timer)
     return Smoother(calibration, noise, config.imu.gravity, config.backend, timer)
 
 

@@ -143,15 +143,44 @@ class SmootherConfig(Model):
     )
 
 
+class MsckfConfig(Model):
+    """The multi-state constraint Kalman filter."""
+
+    fej: bool = Field(False, description="first-estimate Jacobians; off for cars, as in the paper")
+    min_track_length: int = Field(3, ge=2, description="sightings; shorter tracks are not used")
+    refinement_steps: int = Field(
+        3, ge=0, le=20, description="of Gauss-Newton on each point, after the linear solution"
+    )
+    max_condition: Positive = Field(
+        100000.0, description="of a point's linear triangulation; its rays are too parallel beyond"
+    )
+    landmark_distance: Positive = Field(
+        75.0, description="m; farther points show too little parallax in a window to be used"
+    )
+    outlier_px: Positive = Field(
+        5.0, description="a track with a larger reprojection error is not used"
+    )
+    gate_probability: Annotated[float, Field(gt=0.5, lt=1)] = Field(
+        0.999, description="chi-square gate of a track"
+    )
+    sigma_still_velocity: Positive = Field(0.01, description="m/s, when standing still")
+    sigma_still_position: Positive = Field(0.001, description="m per image, when standing still")
+    sigma_still_rotation_deg: Positive = Field(
+        0.02, description="degrees per image, when standing still"
+    )
+
+
 class BackendConfig(Model):
     """The estimator behind the front end."""
 
-    kind: Literal["smoother", "dead_reckoning"] = Field(
-        "smoother", description="smoother: GTSAM fixed-lag; dead_reckoning: IMU alone"
+    kind: Literal["smoother", "msckf", "dead_reckoning"] = Field(
+        "smoother",
+        description="smoother: GTSAM fixed-lag; msckf: Kalman filter; dead_reckoning: IMU alone",
     )
     window: int = Field(20, ge=3, le=200, description="images in the sliding window")
     pixel_noise_px: Positive = Field(1.0, description="1 sigma of a feature's position")
     smoother: SmootherConfig = SmootherConfig()
+    msckf: MsckfConfig = MsckfConfig()
 
 
 class EvaluationConfig(Model):

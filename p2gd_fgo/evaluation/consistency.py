@@ -45,3 +45,22 @@ def nees(errors: FloatArray, covariances: FloatArray) -> FloatArray:
         ) from None
     whitened = np.linalg.solve(L, errors[..., None])[..., 0]
     return np.asarray(np.sum(whitened * whitened, axis=-1))
+
+
+def free_sigmas(T_world_imu: FloatArray, covariances: FloatArray) -> FloatArray:
+    """Standard deviations (N, 4) of x, y, z (m) and yaw (rad), which no camera and IMU can tell.
+
+    Parameters
+    ----------
+    T_world_imu
+        (N, 4, 4) estimates.
+    covariances
+        (N, k, k), k ≥ 6, of (δθ in the IMU frame, δp in the world, ...).
+
+    An estimator whose values fall below those of its start has learnt what can't be known. Yaw is
+    the rotation about the world's z axis.
+    """
+    up = T_world_imu[:, 2, :3]
+    yaw = np.einsum("ni,nij,nj->n", up, covariances[:, :3, :3], up)
+    position = np.diagonal(covariances[:, 3:6, 3:6], axis1=1, axis2=2)
+    return np.asarray(np.sqrt(np.column_stack([position, yaw])))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from p2gd_fgo.backends.base import Backend
 from p2gd_fgo.backends.smoother import Smoother
 from p2gd_fgo.config import load_config, override
 from p2gd_fgo.evaluation.feature_runs import FeatureRun, detected_still, run_features
@@ -48,7 +49,7 @@ def smoother(
 
 
 def run(
-    backend: Smoother, recording: FeatureRecording, seed: int | None, delay_s: float | None = None
+    backend: Backend, recording: FeatureRecording, seed: int | None, delay_s: float | None = None
 ) -> FeatureRun:
     """With an erroneous start if ``seed`` is given, stops detected after ``delay_s``."""
     return run_features(

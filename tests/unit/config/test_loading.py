@@ -103,7 +103,10 @@ def test_extends_takes_names_only(tmp_path: Path, value: str) -> None:
         ("7: 8", "unknown key '7'"),
         ("backend: {window: 1}", "backend.window is 1: input should be greater than or equal to 3"),
         ("backend: {window: 3.5}", "backend.window is 3.5"),
-        ("backend: {kind: smother}", "backend.kind is 'smother': input should be 'smoother' or"),
+        (
+            "backend: {kind: smother}",
+            "backend.kind is 'smother': input should be 'smoother', 'msckf' or",
+        ),
         ("frontend: {grid: [4]}", "frontend.grid"),
         ("frontend: {grid: [4, 0]}", "frontend.grid.1 is 0"),
         ("imu: {gravity: .nan}", "imu.gravity is nan"),

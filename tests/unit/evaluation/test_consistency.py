@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from p2gd_fgo.errors import DataError
-from p2gd_fgo.evaluation.consistency import nees, pose_error
+from p2gd_fgo.evaluation.consistency import free_sigmas, nees, pose_error
 from p2gd_fgo.geometry import so3
 from p2gd_fgo.geometry.pose import from_rotation_translation
 
@@ -36,3 +36,14 @@ def test_indefinite_covariance_is_named() -> None:
     covariances = np.stack([np.eye(2), np.diag([1.0, -0.5])])
     with pytest.raises(DataError, match=r"covariance 1 .* -0\.5"):
         nees(np.ones((2, 2)), covariances)
+
+
+def test_free_sigmas_are_those_of_drawn_errors() -> None:
+    rng = np.random.default_rng(2)
+    A = 0.01 * rng.normal(size=(6, 6))
+    T = from_rotation_translation(so3.exp(rng.normal(size=3)), rng.normal(size=3))
+    drawn = rng.normal(size=(20000, 6)) @ A.T
+    turned = T[:3, :3] @ so3.exp(drawn[:, :3]) @ T[:3, :3].T
+    yaw = so3.log(turned)[:, 2]
+    found = free_sigmas(T[None], (A @ A.T)[None])[0]
+    np.testing.assert_allclose(found, [*drawn[:, 3:].std(axis=0), yaw.std()], rtol=0.02)

@@ -1,0 +1,226 @@
+"""The filter: one class whose ``update`` reads like the algorithm."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+from numpy.linalg import LinAlgError
+
+from p2gd_fgo.backends.msckf.measurement import (
+    Sensor,
+    carried,
+    jacobians,
+    least_depth,
+    orthonormal_columns,
+    residuals,
+    times_root,
+    without_point,
+)
+from p2gd_fgo.backends.msckf.propagation import propagate
+from p2gd_fgo.backends.msckf.standstill import relative_pose, relative_pose_jacobian
+from p2gd_fgo.backends.msckf.state import FilterState, Poses
+from p2gd_fgo.backends.msckf.tracks import Sightings, TrackTable
+from p2gd_fgo.backends.msckf.triangulation import LEAST_DEPTH_M, camera_poses, triangulate
+from p2gd_fgo.backends.msckf.update import gate, root, updated
+from p2gd_fgo.config import BackendConfig
+from p2gd_fgo.datasets.base import Calibration, ImuNoise
+from p2gd_fgo.errors import EstimatorError
+from p2gd_fgo.geometry.pose import from_rotation_translation
+from p2gd_fgo.timing import StageTimer
+from p2gd_fgo.types import (
+    NANOSECONDS,
+    BoolArray,
+    Estimate,
+    FloatArray,
+    ImuBatch,
+    NavState,
+    Observations,
+    Trajectory,
+)
+
+
+class Msckf:
+    """Back end of the multi-state constraint Kalman filter: poses of the last ``window`` images.
+
+    Parameters
+    ----------
+    calibration
+        Camera and extrinsic.
+    noise
+        IMU densities, inflation already in.
+    gravity
+        m/s².
+    config
+        Window length, pixel noise and the filter's own settings.
+    timer
+        Stages ``triangulate``, ``linearize``, ``gate``, ``solve`` are timed in it.
+    """
+
+    def __init__(
+        self,
+        calibration: Calibration,
+        noise: ImuNoise,
+        gravity: float,
+        config: BackendConfig,
+        timer: StageTimer | None = None,
+    ) -> None:
+        self._size = config.window
+        self._config = config.msckf
+        self._noise = noise
+        self._gravity = gravity
+        self._timer = timer or StageTimer()
+        self._sensor = Sensor(calibration.camera, calibration.T_imu_cam, config.pixel_noise_px)
+        self._tracks = TrackTable(config.window)
+        self._left: list[tuple[int, FloatArray]] = []
+        self._counts: Counter[str] = Counter()
+
+    def start(self, state: NavState, covariance: FloatArray) -> None:
+        """Begin at ``state``."""
+        self._state = FilterState.begin(state, covariance)
+
+    def propagate(self, imu: ImuBatch) -> NavState:
+        """Predict the next image's state; the last image's pose stays behind as a clone."""
+        self._state = propagate(self._state, imu, self._noise, self._gravity, fej=self._config.fej)
+        return self._state.newest()
+
+    def update(self, observations: Observations, stationary: bool) -> Estimate:
+        """Use the tracks that are due, and let the oldest image go."""
+        self._counts["observations"] += len(observations)
+        full = len(self._state) >= self._size
+        try:
+            if stationary:
+                self._counts["muted_standing_still"] += len(observations)
+                self._correct(self._tracks.take_all(len(self._state) - 1), still=True)
+            else:
+                due = self._tracks.add(observations, len(self._state) - 1)
+                if full:
+                    due = due.with_others(self._tracks.take_seen_by_oldest(len(self._state)))
+                self._correct(due, still=False)
+        except LinAlgError:
+            raise EstimatorError(
+                observations.stamp_ns, "the covariance is not positive definite: diverged"
+            ) from None
+        estimate = Estimate(
+            self._state.newest(),
+            self._state.newest_covariance(),
+            self._state.trajectory(),
+            stationary,
+        )
+        if full:
+            self._drop_oldest()
+        return estimate
+
+    def finish(self) -> Trajectory:
+        """All poses as they left the window, then those still in it."""
+        rest = self._state.trajectory()
+        left_stamps = np.array([t for t, _ in self._left], dtype=np.int64)
+        left_poses = np.array([T for _, T in self._left]).reshape(-1, 4, 4)
+        return Trajectory(
+            np.concatenate([left_stamps, rest.stamps_ns]),
+            np.concatenate([left_poses, rest.T_world_imu]),
+        )
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Observations by fate: all of them add up to ``observations``."""
+        return dict(self._counts) | {"in_window": self._tracks.observations(len(self._state))}
+
+    def _correct(self, due: Sightings, *, still: bool) -> None:
+        """One Kalman update with the points of all tracks that are due."""
+        with self._timer.stage("triangulate"):
+            due, points = self._triangulated(due)
+        L = root(self._state.covariance)
+        Z, r = np.zeros((0, len(L))), np.zeros(0)
+        if len(due):
+            with self._timer.stage("linearize"):
+                poses, at = self._state.poses, self._linearization()
+                points_at = carried(points, due, poses, at)
+                H_x, H_f = jacobians(due, points_at, at, self._sensor)
+                Q = orthonormal_columns(H_f, due)
+                rows = without_point(times_root(H_x, due, L), Q, due)
+                r_all = residuals(due, points, poses, self._sensor)
+                r_all = without_point(r_all[..., None], Q, due)[..., 0]
+            with self._timer.stage("gate"):
+                passed = gate(rows, r_all, due, self._config.gate_probability)
+                self._count(due, ~passed, "rejected_chi_square")
+                self._count(due, passed, "used")
+                used = passed[due.track]
+                Z, r = rows[used].reshape(-1, len(L)), r_all[used].ravel()
+        if still and len(self._state) >= 3:
+            Z_still, r_still = self._hold_still(L)
+            Z, r = np.concatenate([Z, Z_still]), np.concatenate([r, r_still])
+        if len(r):
+            with self._timer.stage("solve"):
+                self._state = self._state.corrected(*self._posterior(L, Z, r))
+
+    def _posterior(
+        self, L: FloatArray, Z: FloatArray, r: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        return updated(L, Z, r)
+
+    def _triangulated(self, due: Sightings) -> tuple[Sightings, FloatArray]:
+        """The tracks that may be used, and their points (M, 3); the others are counted."""
+        c = self._config
+        single = due.lengths < 2
+        self._count(due, single, "single_view")
+        short = ~single & (due.lengths < c.min_track_length)
+        self._count(due, short, "rejected_short")
+        due = due.select(due.lengths >= c.min_track_length)
+        if len(due) == 0:
+            return due, np.zeros((0, 3))
+        cameras = camera_poses(self._state.poses, self._sensor.T_imu_cam)
+        points = triangulate(due, cameras, c.refinement_steps)
+        good = np.ones(len(due), dtype=bool)
+        for passed, reason in (
+            (points.condition < c.max_condition, "rejected_degenerate"),
+            (points.in_front, "rejected_behind_camera"),
+            (points.distance < c.landmark_distance, "rejected_far"),
+        ):
+            self._count(due, good & ~passed, reason)
+            good &= passed
+        due, position = due.select(good), points.position[good]
+        if len(due) == 0:
+            return due, position
+        if c.fej:  # first estimates may have a near point behind a camera that saw it
+            at = self._linearization()
+            there = carried(position, due, self._state.poses, at)
+            ahead = least_depth(due, there, at, self._sensor) > LEAST_DEPTH_M
+            self._count(due, ~ahead, "rejected_behind_camera")
+            due, position = due.select(ahead), position[ahead]
+            if len(due) == 0:
+                return due, position
+        off = np.linalg.norm(residuals(due, position, self._state.poses, self._sensor), axis=1)
+        worst_px = np.maximum.reduceat(off, due.starts) * self._sensor.pixel_noise_px
+        close = worst_px < c.outlier_px
+        self._count(due, ~close, "rejected_outlier")
+        return due.select(close), position[close]
+
+    def _linearization(self) -> Poses:
+        return self._state.linearization_poses(self._config.fej)
+
+    def _hold_still(self, L: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Rows Z (6, n) and r (6,): the image before this one has the pose of the one before it.
+
+        What is asserted lies one image back: the detector looks at a window, and its newest image
+        may already have begun to move by less than it can see.
+        """
+        c = self._config
+        j = len(self._state) - 2
+        stamps = self._state.stamps_ns
+        moved = c.sigma_still_velocity * (stamps[j] - stamps[j - 1]) / NANOSECONDS
+        shift = 1.0 / np.hypot(1.0 / c.sigma_still_position, 1.0 / moved)
+        sigmas = np.repeat([np.radians(c.sigma_still_rotation_deg), shift], 3)
+        H = relative_pose_jacobian(self._linearization(), j - 1, j, len(L))
+        r = -relative_pose(self._state.poses, j - 1, j)
+        return (H / sigmas[:, None]) @ L, r / sigmas
+
+    def _count(self, sightings: Sightings, tracks: BoolArray, fate: str) -> None:
+        if number := int(sightings.lengths[tracks].sum()):
+            self._counts[fate] += number
+
+    def _drop_oldest(self) -> None:
+        pose = from_rotation_translation(self._state.poses.R[0], self._state.poses.p[0])
+        self._left.append((self._state.stamps_ns[0], pose))
+        self._state = self._state.without_oldest()
+        self._tracks.drop_oldest()
