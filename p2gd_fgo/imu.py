@@ -136,6 +136,40 @@ def rotation_over(imu: ImuBatch, gyro_bias: FloatArray) -> FloatArray:
     return R
 
 
+EARTH_RATE = 7.292115e-5
+"""Rotation of the Earth against the stars, rad/s."""
+
+
+def earth_rate(latitude_deg: float, heading_deg: float) -> FloatArray:
+    """Rotation of the Earth (3,) in the world, whose x axis is ``heading_deg`` from east, rad/s."""
+    latitude, heading = np.radians([latitude_deg, heading_deg])
+    north = EARTH_RATE * np.cos(latitude)
+    return np.array(
+        [north * np.sin(heading), north * np.cos(heading), EARTH_RATE * np.sin(latitude)]
+    )
+
+
+def without_earth_rotation(
+    imu: ImuBatch, state: NavState, gravity: float, rate: FloatArray
+) -> ImuBatch:
+    """Samples as they would be in a world that doesn't turn.
+
+    The gyro feels Rᵀ ω_e, the accelerometer the Coriolis force Rᵀ (2 ω_e × v); gravity holds the
+    centrifugal one already. R and v are those of the strapdown path from ``state`` at the first
+    sample; what they are wrong by counts 7e-5-fold.
+
+    Parameters
+    ----------
+    rate
+        (3,) as :func:`earth_rate` gives it.
+    """
+    path = strapdown(state, increments(imu), gravity)
+    R, v = path.R[::2], path.v[::2]
+    return ImuBatch(
+        imu.stamps_ns, imu.gyro - rate @ R, imu.accel - (np.cross(2.0 * rate, v)[:, None] @ R)[:, 0]
+    )
+
+
 class ImuBuffer:
     """Samples as they arrive, until the image that they lead to has been processed."""
 

@@ -14,7 +14,13 @@ from p2gd_fgo.datasets.base import Calibration
 from p2gd_fgo.distribution import Decision, DistributionContext, Sensors, make_distribution
 from p2gd_fgo.errors import DataError
 from p2gd_fgo.frontend import Frontend, TrackSummary
-from p2gd_fgo.imu import ImuBuffer, between, rotation_over
+from p2gd_fgo.imu import (
+    ImuBuffer,
+    between,
+    earth_rate,
+    rotation_over,
+    without_earth_rotation,
+)
 from p2gd_fgo.initialization import make_initializer, stillness
 from p2gd_fgo.priors import PriorIntake, PriorSource, make_prior_source
 from p2gd_fgo.timing import StageTimer
@@ -99,6 +105,10 @@ class Odometry:
         self._backend: Backend = make_backend(config, calibration, self.timer)
         self._initializer = make_initializer(config, truth)
         self._imu = ImuBuffer()
+        latitude_deg = config.imu.latitude_deg
+        self._earth_rate = (
+            None if latitude_deg is None else earth_rate(latitude_deg, config.imu.heading_deg)
+        )
         self._history_ns = round(
             (max(config.stationary.window_s, config.initialization.static.window_s) + 0.5)
             * NANOSECONDS
@@ -154,6 +164,9 @@ class Odometry:
         stamp_ns += self.offset_ns
         with self.timer.stage("frame"):
             imu = self._imu_to(stamp_ns)
+            if imu is not None and self._estimate is not None and self._earth_rate is not None:
+                gravity = self.config.imu.gravity
+                imu = without_earth_rotation(imu, self._estimate.state, gravity, self._earth_rate)
             if self._before_tracking:
                 decision = self._decide(None, self._last_handed)
             with self.timer.stage("track"):

@@ -52,6 +52,12 @@ class ImuConfig(Model):
     )
     inflation: Positive = Field(1.0, description="factor on all four densities")
     gravity: Positive = Field(9.81, description="m/s², the world's z axis points up")
+    latitude_deg: Annotated[float, Field(ge=-90, le=90)] | None = Field(
+        None, description="take the Earth's rotation out, felt at this latitude; null: leave it in"
+    )
+    heading_deg: Annotated[float, Field(ge=-180, le=180)] = Field(
+        0.0, description="of the world's x axis, from east to north, for latitude_deg"
+    )
     max_gap_s: Positive = Field(
         0.1, description="a longer hole between samples is recorded as an event"
     )

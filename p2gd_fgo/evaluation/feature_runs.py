@@ -8,10 +8,12 @@ import numpy as np
 
 from p2gd_fgo.backends.base import Backend, check_sane
 from p2gd_fgo.evaluation.consistency import nees, pose_error
-from p2gd_fgo.imu import between
+from p2gd_fgo.imu import between, without_earth_rotation
 from p2gd_fgo.initialization.given import disturbed
 from p2gd_fgo.simulation.feature_recording import FeatureRecording
 from p2gd_fgo.types import NANOSECONDS, BoolArray, Estimate, FloatArray, NavState, Trajectory
+
+_GRAVITY = 9.81  # of the simulator
 
 START_COVARIANCE = np.diag(
     np.concatenate(
@@ -63,6 +65,7 @@ def run_features(
     rng: np.random.Generator | None = None,
     *,
     stationary: BoolArray | None = None,
+    earth_rate: FloatArray | None = None,
 ) -> FeatureRun:
     """Start ``backend`` at the first image and hand it all that follows.
 
@@ -72,6 +75,8 @@ def run_features(
         Draws the error of the start from ``START_COVARIANCE``; None: it starts at the truth.
     stationary
         (N,) what a detector of standstill says; never still by default.
+    earth_rate
+        (3,) rotation of the world that is taken out of the samples, rad/s; none by default.
 
     Raises
     ------
@@ -89,10 +94,13 @@ def run_features(
     backend.start(
         start if rng is None else disturbed(start, START_COVARIANCE, rng), START_COVARIANCE
     )
-    estimates = []
+    estimates: list[Estimate] = []
     for k, observations in enumerate(recording.observations):
         if k > 0:
-            backend.propagate(between(recording.imu, stamps[k - 1], stamps[k]))
+            imu = between(recording.imu, stamps[k - 1], stamps[k])
+            if earth_rate is not None:
+                imu = without_earth_rotation(imu, estimates[-1].state, _GRAVITY, earth_rate)
+            backend.propagate(imu)
         estimate = backend.update(observations, stationary is not None and bool(stationary[k]))
         check_sane(estimate)
         estimates.append(estimate)

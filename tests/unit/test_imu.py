@@ -9,12 +9,15 @@ from p2gd_fgo.errors import DataError
 from p2gd_fgo.geometry import so3
 from p2gd_fgo.geometry.pose import from_rotation_translation
 from p2gd_fgo.imu import (
+    EARTH_RATE,
     ImuBuffer,
     between,
+    earth_rate,
     increments,
     integrate,
     interpolate_imu,
     rotation_over,
+    without_earth_rotation,
 )
 from p2gd_fgo.types import NANOSECONDS, FloatArray, ImuBatch, NavState
 
@@ -170,3 +173,26 @@ def test_buffer_refuses_disorder_and_nonsense() -> None:
     with pytest.raises(DataError, match="not finite"):
         buffer.add(broken)
     assert len(buffer.samples()) == 2
+
+
+def test_a_sensor_that_turns_with_the_earth_feels_nothing_else() -> None:
+    """At rest on the turning Earth, and on a straight drive, the exact readings are known."""
+    rate = earth_rate(37.0, 30.0)
+    assert np.linalg.norm(rate) == pytest.approx(EARTH_RATE)
+    assert rate[2] == pytest.approx(EARTH_RATE * np.sin(np.radians(37.0)))
+    np.testing.assert_allclose(earth_rate(0.0, 90.0), [EARTH_RATE, 0.0, 0.0], atol=1e-20)
+    R = so3.exp(np.array([0.3, -0.2, 1.0]))
+    velocity = np.array([8.0, -3.0, 0.5])
+    stamps = 10_000_000 * np.arange(6001, dtype=np.int64)
+    force = np.array([0.0, 0.0, 9.81]) + 2.0 * np.cross(rate, velocity)
+    imu = ImuBatch(stamps, np.tile(rate @ R, (6001, 1)), np.tile(force @ R, (6001, 1)))
+    start = NavState(0, from_rotation_translation(R, np.zeros(3)), velocity)
+
+    felt = integrate(start, imu, 9.81)
+    assert np.linalg.norm(felt.T_world_imu[:3, 3] - 60.0 * velocity) > 0.5
+    state = start
+    for first in range(0, 6000, 10):
+        part = between(imu, int(stamps[first]), int(stamps[first + 10]))
+        state = integrate(state, without_earth_rotation(part, state, 9.81, rate), 9.81)
+    np.testing.assert_allclose(state.T_world_imu[:3, 3], 60.0 * velocity, atol=1e-4)
+    np.testing.assert_allclose(state.T_world_imu[:3, :3], R, atol=1e-7)
