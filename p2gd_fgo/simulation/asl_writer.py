@@ -40,8 +40,6 @@ def write_asl(
 
     Parameters
     ----------
-    calibration
-        Its time offset must be zero, the format has no place for one.
     image_stamps_ns, images
         (N,) and N grey images, drawn from the iterable one at a time.
     truth
@@ -50,20 +48,37 @@ def write_asl(
     Raises
     ------
     ValueError
-        A time offset; truth without velocity or biases; fewer or more images than stamps.
+        Truth without velocity or biases; fewer or more images than stamps.
     """
-    if calibration.time_offset_s != 0.0:
-        raise ValueError("an ASL folder can't hold a time offset")
+    data = folder / "mav0" / "cam0" / "data"
+    data.mkdir(parents=True)
+    for stamp, image in zip(image_stamps_ns, images, strict=True):
+        write_png(data / f"{stamp}.png", image)
+    write_sensors(folder, calibration, image_stamps_ns, imu, truth)
+
+
+def write_png(path: Path, image: Image) -> None:
+    """Write one grey image."""
+    _, encoded = cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, _PNG_COMPRESSION])
+    path.write_bytes(encoded.tobytes())
+
+
+def write_sensors(
+    folder: Path, calibration: Calibration, image_stamps_ns: IntArray, imu: ImuBatch, truth: Truth
+) -> None:
+    """Write all of ``folder``/mav0 but the images.
+
+    Raises
+    ------
+    ValueError
+        Truth without velocity or biases.
+    """
     camera, inertial, reference = (
         folder / "mav0" / name for name in ("cam0", "imu0", "state_groundtruth_estimate0")
     )
-    for path in (camera / "data", inertial, reference):
-        path.mkdir(parents=True)
-    rows = [_CAMERA_HEADER]
-    for stamp, image in zip(image_stamps_ns, images, strict=True):
-        rows.append(f"{stamp},{stamp}.png")
-        _, encoded = cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, _PNG_COMPRESSION])
-        (camera / "data" / f"{stamp}.png").write_bytes(encoded.tobytes())
+    for path in (camera, inertial, reference):
+        path.mkdir(parents=True, exist_ok=True)
+    rows = [_CAMERA_HEADER, *(f"{stamp},{stamp}.png" for stamp in image_stamps_ns)]
     (camera / "data.csv").write_text("\n".join(rows) + "\n", encoding="ascii")
     _write_yaml(camera / "sensor.yaml", _camera_sensor(calibration, image_stamps_ns))
     _write_csv(inertial / "data.csv", _IMU_HEADER, imu.stamps_ns, np.hstack([imu.gyro, imu.accel]))
@@ -87,6 +102,7 @@ def _truth_columns(truth: Truth) -> FloatArray:
 
 def _camera_sensor(calibration: Calibration, stamps_ns: IntArray) -> dict[str, object]:
     camera: Camera = calibration.camera
+    offset = calibration.time_offset_s
     return {
         "sensor_type": "camera",
         "T_BS": _matrix(calibration.T_imu_cam),
@@ -95,6 +111,7 @@ def _camera_sensor(calibration: Calibration, stamps_ns: IntArray) -> dict[str, o
         "camera_model": "pinhole",
         "intrinsics": [camera.fx, camera.fy, camera.cx, camera.cy],
         **_distortion(camera),
+        **({"time_offset_s": offset} if offset else {}),
     }
 
 

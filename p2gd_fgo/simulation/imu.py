@@ -47,12 +47,7 @@ def synthesize_imu(
         (3,) biases at the first sample, zero by default.
     """
     n = len(stamps_ns)
-    first, last = 2 * stamps_ns[:1] - stamps_ns[1:2], 2 * stamps_ns[-1:] - stamps_ns[-2:-1]
-    state = trajectory.sample(np.concatenate([first, stamps_ns, last]))
-    R = state.T_world_imu[:, :3, :3]
-    up = np.array([0.0, 0.0, gravity])
-    force = _trapezoid_samples(np.einsum("nji,nj->ni", R, state.acceleration + up))
-    rate = _trapezoid_samples(state.angular_rate)
+    rate, force = exact_samples(trajectory, stamps_ns, gravity)
     b_g = np.tile(np.zeros(3) if gyro_bias is None else gyro_bias, (n, 1))
     b_a = np.tile(np.zeros(3) if accel_bias is None else accel_bias, (n, 1))
     gyro, accel = rate, force
@@ -66,6 +61,30 @@ def synthesize_imu(
         accel = accel + noise.accel_noise_density / np.sqrt(dt) * rng.standard_normal((n, 3))
     batch = ImuBatch(np.asarray(stamps_ns, np.int64), gyro + b_g, accel + b_a)
     return SimulatedImu(batch, b_g, b_a)
+
+
+def exact_samples(
+    trajectory: SplineTrajectory,
+    stamps_ns: IntArray,
+    gravity: float = 9.81,
+    earth_rate: FloatArray | None = None,
+) -> tuple[FloatArray, FloatArray]:
+    """Angular rate and specific force (N, 3) that a perfect IMU gives at stamps_ns (N,).
+
+    Parameters
+    ----------
+    earth_rate
+        (3,) rotation of the world against the stars, rad/s in the world; the gyro feels it, and
+        the accelerometer its Coriolis force. Gravity includes its centrifugal force already.
+    """
+    first, last = 2 * stamps_ns[:1] - stamps_ns[1:2], 2 * stamps_ns[-1:] - stamps_ns[-2:-1]
+    state = trajectory.sample(np.concatenate([first, stamps_ns, last]))
+    R = state.T_world_imu[:, :3, :3]
+    force, rate = state.acceleration + np.array([0.0, 0.0, gravity]), state.angular_rate
+    if earth_rate is not None:
+        force = force + 2.0 * np.cross(earth_rate, state.velocity)
+        rate = rate + np.einsum("nji,j->ni", R, earth_rate)
+    return _trapezoid_samples(rate), _trapezoid_samples(np.einsum("nji,nj->ni", R, force))
 
 
 def _trapezoid_samples(values: FloatArray) -> FloatArray:

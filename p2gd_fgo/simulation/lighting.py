@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,36 +11,56 @@ from p2gd_fgo.simulation.compiled import compiled
 from p2gd_fgo.simulation.raster import DISC, TRIANGLE, Float32Array
 from p2gd_fgo.simulation.textures import noise
 from p2gd_fgo.simulation.world import LightMaps, Surfaces
-from p2gd_fgo.types import FloatArray, IntArray
+from p2gd_fgo.types import BoolArray, FloatArray, IntArray
 
 _FLAT_M = 0.6  # smaller surfaces get one value
 _MAX_CELLS = 1024
 _BLOCK = 8  # cells a side that share a list of what may shade them
 _OFFSET_M = 0.03  # of the shadow ray's start from its surface
+_SMALL_M, _COLUMN_M = 4.2, 2.0  # radius of small surfaces, and width of the bins they are kept in
 _CONTACT_M = 0.9  # reach of the darkening near the ground and near walls
 
 
 @dataclass(frozen=True, slots=True)
 class Sun:
-    """Direction (x, y, z) towards the sun, and the brightness it adds when it falls straight."""
+    """Light of a day.
+
+    Attributes
+    ----------
+    direction
+        Towards the sun.
+    strength
+        Brightness that it adds where it falls straight.
+    ambient
+        Factor on the light from the sky.
+    """
 
     direction: tuple[float, float, float] = (0.45, -0.4, 0.8)
     strength: float = 0.65
+    ambient: float = 1.0
 
 
 def bake(
-    surfaces: Surfaces, sun: Sun, rng: np.random.Generator, *, cell_m: float = 0.125
+    surfaces: Surfaces,
+    sun: Sun,
+    rng: np.random.Generator,
+    *,
+    cell_m: float | FloatArray = 0.125,
+    casters: BoolArray | None = None,
 ) -> LightMaps:
     """Light on every surface: sky from above, sun where nothing stands before it, uneven dirt.
 
     Parameters
     ----------
     cell_m
-        Size of a cell of the light maps.
+        Size of a cell of the light maps, or one for each surface (M,).
+    casters
+        (M,) which surfaces throw shadows; None: all.
     """
     direction = np.asarray(sun.direction) / np.linalg.norm(sun.direction)
     size = surfaces.size_m
-    cells = np.where(size < _FLAT_M, 1, np.ceil(size / cell_m).clip(1, _MAX_CELLS)).astype(np.int64)
+    cell = np.broadcast_to(cell_m, len(surfaces))[:, None]
+    cells = np.where(size < _FLAT_M, 1, np.ceil(size / cell).clip(1, _MAX_CELLS)).astype(np.int64)
     cells[(size < _FLAT_M).all(1)] = 1
     counts = cells.prod(1)
     offsets = np.concatenate([[0], np.cumsum(counts)[:-1]])
@@ -61,15 +82,41 @@ def bake(
         radius,
         grids,
         direction,
+        *_bins(middle, radius, direction, casters),
         lit,
     )
-    sky = np.where(np.abs(normal[:, 2]) > 0.5, 0.78, 0.66)
+    sky = sun.ambient * np.where(np.abs(normal[:, 2]) > 0.5, 0.78, 0.66)
     of = np.repeat(np.arange(len(surfaces)), counts)
     values = sky[of] + sun.strength * np.abs(sunny)[of] * lit
     values *= surfaces.gain[of]
     light = LightMaps(values.astype(np.float32), grids)
     _stain(surfaces, light, rng)
     return light
+
+
+def _bins(
+    middle: FloatArray, radius: FloatArray, sun: FloatArray, casters: BoolArray | None
+) -> tuple[FloatArray, FloatArray, IntArray, IntArray, IntArray, IntArray]:
+    """Sort the small surfaces into columns along the sun's direction.
+
+    Returns
+    -------
+    Places (M, 2) across the sun, in columns from 0 on; the axes (2, 3) across; how many columns
+    (2,); the small surfaces column by column; where each column starts in them, one more than
+    there are; the large ones.
+    """
+    side = np.cross(sun, [0.0, 0.0, 1.0] if abs(sun[2]) < 0.9 else [1.0, 0.0, 0.0])
+    side /= np.linalg.norm(side)
+    axes = np.stack([side, np.cross(sun, side)])
+    across = middle @ axes.T
+    across = (across - across.min(0)) / _COLUMN_M
+    casts = np.ones(len(radius), bool) if casters is None else casters
+    small = np.flatnonzero((radius <= _SMALL_M) & casts)
+    count = np.floor(across.max(0)).astype(np.int64) + 1
+    column = np.floor(across[small]).astype(np.int64) @ np.array([count[1], 1])
+    order = np.argsort(column, kind="stable")
+    starts = np.searchsorted(column[order], np.arange(count.prod() + 1))
+    return across, axes, count, small[order], starts, np.flatnonzero((radius > _SMALL_M) & casts)
 
 
 def _stain(surfaces: Surfaces, light: LightMaps, rng: np.random.Generator) -> None:
@@ -101,6 +148,12 @@ def _cast(
     radius: FloatArray,
     grids: IntArray,
     sun: FloatArray,
+    across: FloatArray,
+    axes: FloatArray,
+    columns_of: IntArray,
+    small: IntArray,
+    starts: IntArray,
+    large: IntArray,
     lit: Float32Array,
 ) -> None:  # pragma: no cover
     """Set ``lit`` to 1 where the ray towards the sun meets no other surface."""
@@ -115,9 +168,11 @@ def _cast(
         offset, columns, rows = grids[m, 0], grids[m, 1], grids[m, 2]
         side = forms[m, 2, 0] * sun[0] + forms[m, 2, 1] * sun[1] + forms[m, 2, 2] * sun[2]
         lift = _OFFSET_M if side > 0.0 else -_OFFSET_M
-        for k in range(m_count):
-            everything[k] = k
-        everything[m], found = everything[m_count - 1], m_count - 1
+        found = 0
+        for k in large:
+            if k != m:
+                everything[found] = k
+                found += 1
         found = _between(middle, radius, everything, found, middle[m], radius[m], sun, around)
         for first_row in range(0, rows, _BLOCK):
             for first_column in range(0, columns, _BLOCK):
@@ -128,6 +183,23 @@ def _cast(
                 p[:] = corner[m] + u * edge_u[m] + v * edge_v[m]
                 share = max((last_row - first_row) / rows, (last_column - first_column) / columns)
                 count = _between(middle, radius, around, found, p, share * radius[m], sun, near)
+                reach = (share * radius[m] + _SMALL_M + _OFFSET_M) / _COLUMN_M
+                across_u = across[m, 0] + _dot(p, middle[m], axes[0]) / _COLUMN_M
+                across_v = across[m, 1] + _dot(p, middle[m], axes[1]) / _COLUMN_M
+                i0, i1 = int(max(across_u - reach, 0.0)), int(across_u + reach) + 1
+                j0, j1 = int(max(across_v - reach, 0.0)), int(across_v + reach) + 1
+                those = 0
+                for i in range(i0, min(i1, columns_of[0])):
+                    row_of = i * columns_of[1]
+                    begin, end = row_of + min(j0, columns_of[1]), row_of + min(j1, columns_of[1])
+                    for k in small[starts[begin] : starts[end]]:
+                        if k != m:
+                            everything[those] = k
+                            those += 1
+                count += _between(
+                    middle, radius, everything, those, p, share * radius[m], sun, near[count:]
+                )
+                count = _over(corner, forms, near, count, p, share * radius[m], sun)
                 last = -1
                 for row in range(first_row, last_row):
                     for column in range(first_column, last_column):
@@ -142,6 +214,12 @@ def _cast(
                                 blocked, last = True, near[k]
                             k += 1
                         lit[offset + row * columns + column] = 0.0 if blocked else 1.0
+
+
+@compiled
+def _dot(p: FloatArray, q: FloatArray, axis: FloatArray) -> float:  # pragma: no cover
+    """How far p lies beyond q along an axis."""
+    return float((p[0] - q[0]) * axis[0] + (p[1] - q[1]) * axis[1] + (p[2] - q[2]) * axis[2])
 
 
 @compiled
@@ -164,6 +242,37 @@ def _between(
         if ahead > -both and x * x + y * y + z * z - ahead * ahead < both * both:
             out[found] = k
             found += 1
+    return found
+
+
+@compiled
+def _over(
+    corner: FloatArray,
+    forms: FloatArray,
+    those: IntArray,
+    count: int,
+    p: FloatArray,
+    reach: float,
+    sun: FloatArray,
+) -> int:  # pragma: no cover
+    """Keep those whose outline, seen along the sun, meets a sphere at p; how many."""
+    found = 0
+    for k in those[:count]:
+        n, u_of, v_of = forms[k, 2], forms[k, 0], forms[k, 1]
+        along = n[0] * sun[0] + n[1] * sun[1] + n[2] * sun[2]
+        if abs(along) > 1e-9:
+            gx, gy, gz = corner[k, 0] - p[0], corner[k, 1] - p[1], corner[k, 2] - p[2]
+            t = (n[0] * gx + n[1] * gy + n[2] * gz) / along
+            hx, hy, hz = t * sun[0] - gx, t * sun[1] - gy, t * sun[2] - gz
+            u = u_of[0] * hx + u_of[1] * hy + u_of[2] * hz
+            v = v_of[0] * hx + v_of[1] * hy + v_of[2] * hz
+            stretch = 1.01 * (reach + 2.0 * _OFFSET_M) / abs(along)
+            du = stretch * math.sqrt(u_of[0] ** 2 + u_of[1] ** 2 + u_of[2] ** 2)
+            dv = stretch * math.sqrt(v_of[0] ** 2 + v_of[1] ** 2 + v_of[2] ** 2)
+            if t < -stretch or u < -du or u > 1.0 + du or v < -dv or v > 1.0 + dv:
+                continue
+        those[found] = k
+        found += 1
     return found
 
 

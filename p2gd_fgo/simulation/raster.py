@@ -71,9 +71,13 @@ def visibility(
     owner = np.full((height, width), NOTHING, np.int32)
     inverse_depth = np.zeros((height, width))
     for m in range(forms.shape[0]):
+        w_x, w_y, w_1 = forms[m, 0, 0], forms[m, 0, 1], forms[m, 0, 2]
         for row in range(boxes[m, 0], boxes[m, 1]):
             for column in range(boxes[m, 2], boxes[m, 3]):
-                w = _covers(forms, shapes, m, ray_x[row, column], ray_y[row, column])
+                x, y = ray_x[row, column], ray_y[row, column]
+                if w_x * x + w_y * y + w_1 <= inverse_depth[row, column]:
+                    continue  # hidden wherever in its plane it ends
+                w = _covers(forms, shapes, m, x, y)
                 if w > inverse_depth[row, column]:
                     inverse_depth[row, column] = w
                     owner[row, column] = m
@@ -200,8 +204,8 @@ def shade(
     grids
         (M, 3) light map of each surface in ``lumels``.
     sky
-        (4,) brightness at the horizon, and the vector (camera frame) whose product with a ray's
-        direction is the change with elevation.
+        (5,) brightness at the horizon, the vector (camera frame) whose product with a ray's
+        direction is the change with elevation, and the haze's extinction, 1/m.
     """
     height, width = ray_x.shape
     out = np.empty((height, width), np.float32)
@@ -261,6 +265,9 @@ def shade(
                     value = _texture(
                         forms, mappings, textures[m], levels, texels, m, xs, ys, steps, row, column
                     ) * _light(forms, lumels, grids, m, xs, ys)
+                    if sky[4] > 0.0:
+                        w = forms[m, 0, 0] * xs + forms[m, 0, 1] * ys + forms[m, 0, 2]
+                        value = sky[0] + (value - sky[0]) * math.exp(-sky[4] / max(w, 1e-9))
                 total += hits[k] * value
                 weight += hits[k]
             out[row, column] = total / max(weight, 1)

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 
 from p2gd_fgo.geometry.camera import Camera
 from p2gd_fgo.geometry.pose import inverse
-from p2gd_fgo.simulation.raster import NEAREST_M, Float32Array, shade, visibility
-from p2gd_fgo.simulation.world import Surfaces, World
+from p2gd_fgo.simulation.effects import contact_shadows, motion_blur
+from p2gd_fgo.simulation.movers import Mover, face_light
+from p2gd_fgo.simulation.raster import NEAREST_M, Float32Array, OwnerArray, shade, visibility
+from p2gd_fgo.simulation.world import Surfaces, World, concatenate
 from p2gd_fgo.types import FloatArray, Image, IntArray
 
+_LEAST_PX = 0.5  # smaller surfaces are left out
+_SHADOW, _SHADOW_M = 0.5, 0.7  # of a body on the ground: depth and reach
 _EDGES = np.array([[0, 1], [1, 2], [2, 3], [3, 0]])
 
 
@@ -25,10 +31,37 @@ class Rendering:
         (H, W) 0 to 255, before the sensor.
     inverse_depth
         (H, W) 1/m along the optical axis; 0 is the sky.
+    mover
+        (H, W) index of the moving body that is seen, −1 for everything else.
     """
 
     brightness: Float32Array
     inverse_depth: FloatArray
+    mover: OwnerArray
+
+    def mask(self) -> Image:
+        """Mask (H, W): 0 on moving bodies and a pixel around them, 255 elsewhere."""
+        still = np.where(self.mover >= 0, 0, 255).astype(np.uint8)
+        return np.asarray(cv2.erode(still, np.ones((3, 3), np.uint8)), np.uint8)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Exposure:
+    """The camera's motion while the shutter is open.
+
+    Attributes
+    ----------
+    seconds
+        Shutter time, around the time of the pose.
+    velocity
+        (3,) of the camera in the world, m/s.
+    angular_rate
+        (3,) in the camera's frame, rad/s.
+    """
+
+    seconds: float
+    velocity: FloatArray
+    angular_rate: FloatArray
 
 
 class Renderer:
@@ -36,10 +69,16 @@ class Renderer:
 
     The rays of all pixels are computed once, by the camera model's own ``undistort``, so that the
     images have exactly the distortion that the estimator is told.
+
+    Parameters
+    ----------
+    movers
+        Bodies that move through the world.
     """
 
-    def __init__(self, camera: Camera, world: World) -> None:
+    def __init__(self, camera: Camera, world: World, movers: Sequence[Mover] = ()) -> None:
         self._world = world
+        self._movers = tuple(movers)
         shape = (camera.height, camera.width)
         rows, columns = np.indices(shape, dtype=np.float64)
         rays = camera.undistort(np.stack([columns.ravel(), rows.ravel()], -1)).reshape(*shape, 2)
@@ -49,12 +88,39 @@ class Renderer:
         # Widest reach of every column and row, made monotonic, for the search of the boxes.
         self._columns = _reach(rays[..., 0].min(0), rays[..., 0].max(0))
         self._rows = _reach(rays[..., 1].min(1), rays[..., 1].max(1))
-
-    def render(self, T_world_cam: FloatArray) -> Rendering:
-        """Render the view from T_world_cam (4, 4)."""
-        world = self._world
+        self._tangents = np.array(
+            [rays[..., 0].min(), rays[..., 0].max(), rays[..., 1].min(), rays[..., 1].max()]
+        )
+        self._px_per_rad = float(max(camera.fx, camera.fy))
         surfaces = world.surfaces
+        self._middle = surfaces.corner + 0.5 * (surfaces.edge_u + surfaces.edge_v)
+        diagonals = np.stack([surfaces.edge_u + surfaces.edge_v, surfaces.edge_u - surfaces.edge_v])
+        self._radius = 0.5 * np.linalg.norm(diagonals, axis=2).max(0)
+        # The faces of bodies get their light anew in every image, behind that of the world.
+        faces = sum(len(mover.surfaces) for mover in self._movers)
+        self._pool = len(world.light.values)
+        self._lumels = np.concatenate([world.light.values, np.zeros(faces, np.float32)])
+
+    def render(
+        self, T_world_cam: FloatArray, time_s: float = 0.0, exposure: Exposure | None = None
+    ) -> Rendering:
+        """Render the view from T_world_cam (4, 4).
+
+        Parameters
+        ----------
+        time_s
+            Of the movers.
+        exposure
+            For motion blur; None: an instant.
+        """
+        world = self._world
         T_cam_world = inverse(T_world_cam)
+        seen = self._in_view(T_cam_world)
+        surfaces, grids = world.surfaces.subset(seen), world.light.grids[seen]
+        still = len(surfaces)
+        present = [(k, T) for k, m in enumerate(self._movers) if (T := m.pose(time_s)) is not None]
+        if present:
+            surfaces, grids = self._with_bodies(surfaces, grids, present)
         forms, boxes = self._project(surfaces, T_cam_world)
         owner, inverse_depth = visibility(self._ray_x, self._ray_y, forms, surfaces.shape, boxes)
         up = T_cam_world[:3, 2] * (world.sky.zenith - world.sky.horizon)
@@ -69,11 +135,99 @@ class Renderer:
             surfaces.texture,
             world.atlas.texels,
             world.atlas.levels,
-            world.light.values,
-            world.light.grids,
-            np.array([world.sky.horizon, *up]),
+            self._lumels,
+            grids,
+            np.array([world.sky.horizon, *up, world.sky.haze_per_m]),
         )
-        return Rendering(brightness, inverse_depth)
+        body_of = np.full(len(surfaces) + 1, -1, np.int32)  # the last entry stands for the sky
+        first = still
+        for k, _ in present:
+            last = first + len(self._movers[k].surfaces)
+            body_of[first:last] = k
+            first = last
+        rendering = Rendering(brightness, inverse_depth, body_of[owner])
+        if present:
+            self._shadow(rendering, T_world_cam, present)
+        if exposure is None or exposure.seconds <= 0.0:
+            return rendering
+        return replace(rendering, brightness=self._blur(rendering, T_world_cam, time_s, exposure))
+
+    def inverse_depth(self, T_world_cam: FloatArray) -> FloatArray:
+        """Inverse depth (H, W) of the standing world, 1/m, without shading."""
+        T_cam_world = inverse(T_world_cam)
+        surfaces = self._world.surfaces.subset(self._in_view(T_cam_world))
+        forms, boxes = self._project(surfaces, T_cam_world)
+        return visibility(self._ray_x, self._ray_y, forms, surfaces.shape, boxes)[1]
+
+    def _in_view(self, T_cam_world: FloatArray) -> IntArray:
+        """Indices of the surfaces that may be seen: bounding spheres that meet the frustum."""
+        p = self._middle @ T_cam_world[:3, :3].T + T_cam_world[:3, 3]
+        x, y, z = p.T
+        reach = self._radius
+        left, right, top, bottom = self._tangents
+        seen = z > -reach
+        for tangent, axis, sign in ((left, x, 1), (right, x, -1), (top, y, 1), (bottom, y, -1)):
+            seen &= sign * (axis - tangent * z) > -reach * np.sqrt(1.0 + tangent * tangent)
+        # Leaves and the like that fill less than half a pixel.
+        seen &= 2.0 * reach * self._px_per_rad > _LEAST_PX * z
+        return np.flatnonzero(seen)
+
+    def _with_bodies(
+        self, surfaces: Surfaces, grids: IntArray, present: list[tuple[int, FloatArray]]
+    ) -> tuple[Surfaces, IntArray]:
+        """Add the faces of bodies at T_world_body, and light them."""
+        bodies = [self._movers[k].surfaces.transformed(T) for k, T in present]
+        sun, ambient = np.asarray(self._world.sun), self._world.ambient
+        light = np.concatenate([face_light(body, sun, ambient) for body in bodies])
+        self._lumels[self._pool : self._pool + len(light)] = light
+        pool = np.ones((len(light), 3), np.int64)
+        pool[:, 0] = self._pool + np.arange(len(light))
+        return concatenate([surfaces, *bodies]), np.vstack([grids, pool])
+
+    def _shadow(
+        self, rendering: Rendering, T_world_cam: FloatArray, present: list[tuple[int, FloatArray]]
+    ) -> None:
+        feet, corners = [], []
+        for k, T in present:
+            length, width, _ = self._movers[k].size
+            feet.append([T[0, 3], T[1, 3], T[0, 0], T[1, 0], 0.5 * length, 0.5 * width])
+            around = 0.5 * np.array([length, width]) + _SHADOW_M
+            corner = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * around
+            corners.append(np.column_stack([corner, np.zeros(4)]) @ T[:3, :3].T + T[:3, 3])
+        seen = np.array(corners) @ T_world_cam[:3, :3]
+        seen -= T_world_cam[:3, 3] @ T_world_cam[:3, :3]
+        contact_shadows(
+            rendering.brightness,
+            rendering.inverse_depth,
+            self._ray_x,
+            self._ray_y,
+            rendering.mover,
+            T_world_cam,
+            self._world.ground_z,
+            np.array(feet),
+            self._boxes(seen),
+            _SHADOW,
+        )
+
+    def _blur(
+        self, rendering: Rendering, T_world_cam: FloatArray, time_s: float, exposure: Exposure
+    ) -> Float32Array:
+        R_cam_world = T_world_cam[:3, :3].T
+        motions = np.zeros((len(self._movers) + 1, 6))
+        motions[:, :3] = -R_cam_world @ exposure.velocity
+        motions[:, 3:] = -exposure.angular_rate
+        for k, mover in enumerate(self._movers):
+            motions[k + 1, :3] += R_cam_world @ mover.velocity(time_s)
+        return motion_blur(
+            rendering.brightness,
+            rendering.inverse_depth,
+            self._ray_x,
+            self._ray_y,
+            self._steps,
+            rendering.mover,
+            motions,
+            exposure.seconds,
+        )
 
     def _project(self, surfaces: Surfaces, T_cam_world: FloatArray) -> tuple[FloatArray, IntArray]:
         """Find the forms 1/t, u/t, v/t (M, 3, 3) and the pixel boxes (M, 4) of the surfaces."""
@@ -126,17 +280,27 @@ class SensorModel:
         Standard deviation of the noise of each pixel, grey levels.
     vignetting
         Loss of brightness in the corners, 0 to 1; it grows with the square of the radius.
+    shot_noise
+        Variance that each grey level of light adds.
     """
 
     noise_sigma: float = 2.0
     vignetting: float = 0.15
+    shot_noise: float = 0.0
 
-    def expose(self, brightness: Float32Array, rng: np.random.Generator) -> Image:
-        """Grey image (H, W) of a rendering's brightness (H, W)."""
+    def expose(
+        self, brightness: Float32Array, rng: np.random.Generator, gain: float = 1.0
+    ) -> Image:
+        """Grey image (H, W) of a rendering's brightness (H, W), times ``gain``."""
         height, width = brightness.shape
         y = (np.arange(height, dtype=np.float32) / (height - 1) * 2.0 - 1.0)[:, None]
         x = (np.arange(width, dtype=np.float32) / (width - 1) * 2.0 - 1.0)[None, :]
         falloff = 1.0 - np.float32(self.vignetting) * 0.5 * (x * x + y * y)
         noise = rng.standard_normal(brightness.shape, dtype=np.float32)
-        values = brightness * falloff + np.float32(self.noise_sigma) * noise
+        light = brightness * falloff * np.float32(gain)
+        sigma: np.float32 | Float32Array = np.float32(self.noise_sigma)
+        if self.shot_noise > 0.0:
+            variance = np.float32(self.noise_sigma) ** 2 + np.float32(self.shot_noise) * light
+            sigma = np.sqrt(np.maximum(variance, 0.0))
+        values = light + sigma * noise
         return np.asarray(np.clip(np.rint(values), 0.0, 255.0), np.uint8)

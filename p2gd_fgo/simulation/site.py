@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from p2gd_fgo.simulation import materials
+from p2gd_fgo.simulation import materials as paint
 from p2gd_fgo.simulation.raster import Float32Array
 from p2gd_fgo.simulation.world import Surfaces
 from p2gd_fgo.types import FloatArray
@@ -36,27 +36,38 @@ class Site:
     ----------
     route
         (N, 2) places that stay free.
+    materials
+        Of an atlas that exists; None: they are made here, and :attr:`images` holds them.
     """
 
     def __init__(
-        self, rng: np.random.Generator, route: FloatArray, low: FloatArray, high: FloatArray
+        self,
+        rng: np.random.Generator,
+        route: FloatArray,
+        low: FloatArray,
+        high: FloatArray,
+        materials: Materials | None = None,
     ) -> None:
         self.rng = rng
         self.low, self.high = low, high
         self.images: list[Float32Array] = []
         self.parts: list[Surfaces] = []
         self._taken = np.column_stack([route, np.full(len(route), _CLEARANCE_M)])
-        asphalt = materials.asphalt(rng)
-        self.materials = Materials(
+        self.materials = materials or self._make_materials()
+
+    def _make_materials(self) -> Materials:
+        rng = self.rng
+        asphalt = paint.asphalt(rng)
+        return Materials(
             self.texture(asphalt),
-            self.texture(materials.parking(rng, asphalt)),
-            self.texture(materials.slabs(rng)),
-            self.texture(materials.grass(rng)),
-            self.texture(materials.concrete(rng)),
-            self.texture(materials.planks(rng)),
-            self.texture(materials.foliage(rng)),
-            self.texture(materials.bark(rng)),
-            tuple(self.texture(materials.painted(rng, shade=s)) for s in (70.0, 120.0, 185.0)),
+            self.texture(paint.parking(rng, asphalt)),
+            self.texture(paint.slabs(rng)),
+            self.texture(paint.grass(rng)),
+            self.texture(paint.concrete(rng)),
+            self.texture(paint.planks(rng)),
+            self.texture(paint.foliage(rng)),
+            self.texture(paint.bark(rng)),
+            tuple(self.texture(paint.painted(rng, shade=s)) for s in (70.0, 120.0, 185.0)),
         )
 
     def texture(self, image: Float32Array) -> int:

@@ -59,6 +59,10 @@ class Surfaces:
         squared = np.einsum("mi,mi->m", n, n)[:, None]
         return n, np.cross(self.edge_v, n) / squared, np.cross(n, self.edge_u) / squared
 
+    def subset(self, index: IntArray) -> Surfaces:
+        """Take the patches at index (N,)."""
+        return Surfaces(**{f.name: getattr(self, f.name)[index] for f in fields(Surfaces)})
+
     def transformed(self, T_a_b: FloatArray) -> Surfaces:
         """Express patches of frame b in frame a, T_a_b (4, 4): a body that moves, at one time."""
         R, p = T_a_b[:3, :3], T_a_b[:3, 3]
@@ -93,20 +97,37 @@ class LightMaps:
 
 @dataclass(frozen=True, slots=True)
 class Sky:
-    """Brightness, 0 to 255, at the horizon and at the zenith; the sine of elevation between."""
+    """Brightness, 0 to 255, at the horizon and at the zenith; the sine of elevation between.
+
+    ``haze_per_m`` is the extinction that lets far things fade into the horizon.
+    """
 
     horizon: float = 205.0
     zenith: float = 165.0
+    haze_per_m: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class World:
-    """A static scene, z up."""
+    """A static scene, z up, and the light that falls on what moves through it.
+
+    Attributes
+    ----------
+    sun
+        (3,) towards the sun, its length the brightness that it adds.
+    ambient
+        Factor on the sky's light.
+    ground_z
+        Height of the ground.
+    """
 
     surfaces: Surfaces
     light: LightMaps
     atlas: TextureAtlas
     sky: Sky
+    sun: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    ambient: float = 1.0
+    ground_z: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

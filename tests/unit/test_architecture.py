@@ -15,7 +15,7 @@ import p2gd_fgo
 ROOT = Path(p2gd_fgo.__file__).parent
 ROOMS = [
     *("errors", "threads", "types", "timing", "config", "geometry", "imu", "datasets"),
-    *("simulation", "atomic_files", "trajectory_files", "priors", "frontend", "distribution"),
+    *("atomic_files", "trajectory_files", "simulation", "priors", "frontend", "distribution"),
     *("initialization", "backends", "odometry", "recorder", "pipeline"),
     *("run_directory", "evaluation"),
     *("report", "experiment", "study", "cli", "__main__"),

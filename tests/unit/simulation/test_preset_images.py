@@ -1,0 +1,95 @@
+"""Every preset's pictures: what moves in them moves as pose and depth say."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import cv2
+import numpy as np
+import pytest
+
+from p2gd_fgo.geometry.camera import Camera
+from p2gd_fgo.geometry.pose import inverse, transform
+from p2gd_fgo.simulation.presets import PRESETS, find_preset, load_scenario
+from p2gd_fgo.simulation.production import Studio, plan
+from p2gd_fgo.simulation.scenario import Scenario
+from p2gd_fgo.types import FloatArray
+
+NAMES = sorted(path.stem for path in PRESETS.glob("*.yaml"))
+FRAMES = (3, 12, 21)  # each tracked into the next
+
+
+def small(name: str, **settings: object) -> Scenario:
+    """A preset at half its image size, three seconds long, in motion from the start."""
+    camera = load_scenario(find_preset(name)).camera
+    half = {
+        "camera.width": camera.width // 2,
+        "camera.height": camera.height // 2,
+        "camera.focal": [0.5 * f for f in camera.focal],
+        "camera.center": [0.5 * c for c in camera.center],
+        "world.detail": 0.5,
+        "vehicle.standstill_s": 0.0,
+        "duration_s": 2.4,
+    }
+    return load_scenario(find_preset(name), {**half, **settings})
+
+
+def flow_of(studio: Studio, index: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Corners of image ``index``, where KLT and where truth find them in the next, pose between."""
+    camera: Camera = studio.plan.calibration.camera
+    views = [studio.view(index), studio.view(index + 1)]
+    images = [studio.expose(view, index + k) for k, view in enumerate(views)]
+    stamps = studio.plan.image_stamps_ns[index : index + 2]
+    T_imu_cam = studio.plan.calibration.T_imu_cam
+    poses = studio.plan.drive.trajectory.sample(stamps).T_world_imu @ T_imu_cam
+    detector = cv2.FastFeatureDetector_create(20)  # type: ignore[attr-defined]
+    keypoints = detector.detect(images[0], views[0].mask())
+    pixels = np.array([k.pt for k in sorted(keypoints, key=lambda k: -k.response)], np.float32)
+    pixels = np.ascontiguousarray(pixels[:: max(len(pixels) // 300, 1)])
+    tracked, status, _ = cv2.calcOpticalFlowPyrLK(
+        images[0], images[1], pixels, None, winSize=(15, 15), maxLevel=4  # type: ignore[call-overload]
+    )  # fmt: skip
+    rays = np.column_stack([camera.undistort(pixels.astype(float)), np.ones(len(pixels))])
+    depth = views[0].inverse_depth[tuple(np.rint(pixels[:, ::-1]).astype(int).T)]
+    T_next_this = inverse(poses[1]) @ poses[0]
+    points = transform(T_next_this, rays / np.maximum(depth, 1e-6)[:, None])
+    expected = camera.project(np.where(points[:, 2:] > 0.1, points, 1.0))
+    keep = (depth > 0) & (status[:, 0] > 0) & (points[:, 2] > 0.1) & camera.inside(expected, 10.0)
+    return pixels[keep], tracked[keep], expected[keep], T_next_this
+
+
+@cache
+def studio_of(name: str) -> Studio:
+    return Studio(plan(small(name)))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_tracks_follow_pose_and_depth(name: str) -> None:
+    studio = studio_of(name)
+    camera = studio.plan.calibration.camera
+    flow_errors, epipolar_errors, moved = [], [], []
+    for index in FRAMES:
+        pixels, tracked, expected, T = flow_of(studio, index)
+        flow_errors.append(np.linalg.norm(tracked - expected, axis=1))
+        moved.append(np.linalg.norm(expected - pixels, axis=1))
+        a, b = (
+            np.column_stack([camera.undistort(p.astype(float)), np.ones(len(p))])
+            for p in (pixels, tracked)
+        )
+        lines = np.cross(T[:3, 3], a @ T[:3, :3].T)
+        distance = np.abs(np.einsum("ni,ni->n", lines, b)) / np.linalg.norm(lines[:, :2], axis=1)
+        epipolar_errors.append(distance * camera.fx)
+    errors = np.concatenate(flow_errors)
+    assert len(errors) > 150
+    assert np.median(np.concatenate(moved)) > 0.3  # otherwise it would show nothing
+    assert np.median(errors) < 0.3
+    assert np.median(np.concatenate(epipolar_errors)) < 0.3
+
+
+def test_the_textureless_city_has_less_to_track_than_the_other() -> None:
+    counts = []
+    for name in ("kaist_like", "textureless"):
+        studio = studio_of(name)
+        image = studio.expose(studio.view(12), 12)
+        counts.append(len(cv2.FastFeatureDetector_create(20).detect(image)))  # type: ignore[attr-defined]
+    assert counts[1] < 0.75 * counts[0]
