@@ -15,7 +15,7 @@ from p2gd_fgo.config import yaml_text
 from p2gd_fgo.errors import ConfigError
 from p2gd_fgo.simulation.scenario import Scenario
 
-PRESETS = Path(__file__).parents[2] / "configs" / "simulation"
+PRESETS = Path(__file__).parent / "scenarios"
 
 
 def find_preset(name: str) -> Path:
