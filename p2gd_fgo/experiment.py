@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import cv2
+from pydantic import BaseModel
 
 from p2gd_fgo.config import Config, config_hash, dump_yaml, resolve
 from p2gd_fgo.datasets import Sequence, open_sequence
@@ -19,16 +20,18 @@ from p2gd_fgo.evaluation.tracking_quality import (
     camera_rotations,
     tracking_quality,
 )
+from p2gd_fgo.odometry import Odometry
 from p2gd_fgo.pipeline import NoObserver, Observer, run_sequence
 from p2gd_fgo.recorder import RunResult
 from p2gd_fgo.report.figures import trajectory_figure
 from p2gd_fgo.report.frame_capture import FrameCapture, Observers
 from p2gd_fgo.report.image_figures import write_image_figures
 from p2gd_fgo.report.summaries import StageTime, summarize_timing
-from p2gd_fgo.run_directory import EVO_RESULT, FIGURE, RunDirectory
-from p2gd_fgo.types import NANOSECONDS, Event, Trajectory
+from p2gd_fgo.run_directory import EVO_RESULT, FIGURE, RunDirectory, check_free
+from p2gd_fgo.types import NANOSECONDS, Estimate, Event, Image, Trajectory, Waiting
 
 _ALWAYS_DETERMINED = "yaw_pos"
+_FRONTEND_SHOWN = ("tracker", "equalize", "continue_consumed")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,14 +101,19 @@ def run_experiment(
     config = resolve(config, sequence.calibration.camera.width)
     name = config.name or sequence.name
     source = str(Path(config.dataset.path or "").resolve())
-    directory = RunDirectory(out or Path("results", name, config_hash(config, source)), overwrite)
-    directory.write_config(dump_yaml(config))
-    capture = FrameCapture(figures)
+    path = out or Path("results", name, config_hash(config, source))
+    check_free(path, overwrite)
+    capture, opening = FrameCapture(figures), _Opening(path, overwrite)
     try:
-        result = run_sequence(sequence, config, Observers(observer or NoObserver(), capture))
+        result = run_sequence(
+            sequence, config, Observers(opening, observer or NoObserver(), capture)
+        )
     except BaseException as error:
-        directory.finish("failed", f"stopped by {type(error).__name__}: {error}")
+        if opening.directory is not None:
+            opening.directory.finish("failed", f"stopped by {type(error).__name__}: {error}")
         raise
+    directory = opening.directory
+    assert directory is not None
     truth = sequence.truth.trajectory if sequence.truth else None
     metrics, errors, events = _judge(result, truth)
     header = describe(sequence, config, result, directory.path)
@@ -157,6 +165,24 @@ def run_experiment(
     return Experiment(name, result, metrics, tracking, timing, events, header, directory.path)
 
 
+class _Opening:
+    """Makes the run directory when the first image is due: bad input leaves an old run alone."""
+
+    def __init__(self, path: Path, overwrite: bool) -> None:
+        self._path, self._overwrite = path, overwrite
+        self.directory: RunDirectory | None = None
+
+    def begin(self, sequence: Sequence, config: Config) -> None:
+        """Make it."""
+        self.directory = RunDirectory(self._path, self._overwrite)
+        self.directory.write_config(dump_yaml(config))
+
+    def frame(
+        self, index: int, outcome: Estimate | Waiting, image: Image, odometry: Odometry
+    ) -> None:
+        """Nothing."""
+
+
 def describe(
     sequence: Sequence, config: Config, result: RunResult, out: Path
 ) -> list[tuple[str, str]]:
@@ -176,12 +202,12 @@ def describe(
         ("sequence", f"{sequence.name} · {len(stamps)} images in {seconds:.1f} s, {rate:.1f} Hz"),
         ("camera", f"{camera.width}x{camera.height} · {type(camera).__name__}"),
         ("back end", backend),
-        ("distribution", config.distribution.kind),
+        ("distribution", _distribution(config)),
         ("priors", result.priors if config.distribution.kind == "p2gd" else "not used"),
         (
             "features",
             f"{f.max_features} · grid {f.grid[0]}x{f.grid[1]} · {f.min_distance_px:g} px apart · "
-            f"tracks up to {f.max_track_length} images",
+            f"tracks up to {f.max_track_length} images{_unusual(f, _FRONTEND_SHOWN)}",
         ),
         ("start", start),
         ("seed", str(config.runtime.seed)),
@@ -204,6 +230,30 @@ def _tracking(sequence: Sequence, result: RunResult, truth: Trajectory | None) -
     T_imu_cam = sequence.calibration.T_imu_cam
     rotations = camera_rotations(record.stamps_ns, truth, estimate, T_imu_cam)
     return tracking_quality(record, rotations)
+
+
+def _distribution(config: Config) -> str:
+    """Its name, and every option that is not the default."""
+    chosen, masks = config.distribution, config.dataset
+    text: str = chosen.kind
+    if chosen.kind == "p2gd":
+        text += _unusual(chosen.p2gd, set(type(chosen.p2gd).model_fields) - {"horizon", "scene"})
+        text += _unusual(chosen.p2gd.scene, set(type(chosen.p2gd.scene).model_fields))
+    text += " · refill" if chosen.refill else ""
+    return (
+        text
+        + (f" · mask {masks.mask}" if masks.mask else "")
+        + (f" · masks {masks.masks}" if masks.masks else "")
+    )
+
+
+def _unusual(model: BaseModel, names: Collection[str]) -> str:
+    """The fields of these names that don't have their default, as " · name value"."""
+    fields = type(model).model_fields
+    values = {name: getattr(model, name) for name in fields if name in names}
+    return "".join(
+        f" · {name} {value}" for name, value in values.items() if value != fields[name].default
+    )
 
 
 def _judge(

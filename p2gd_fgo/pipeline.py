@@ -124,6 +124,9 @@ def run_sequence(
         events.append(
             Event(int(sequence.image_stamps_ns[0]) if last is None else last, kind, reason)
         )
+    if counts["masks_missing"]:
+        message = f"{counts['masks_missing']} images have no mask and were used whole"
+        events.append(Event(int(sequence.image_stamps_ns[0]), "masks_missing", message))
     total = len(sequence.image_stamps_ns)
     return recorder.result(status, reason, smoothed, odometry, total, source.description)
 

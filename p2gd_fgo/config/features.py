@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from p2gd_fgo.config.base import Model, NonNegative, Positive
 
@@ -68,7 +68,7 @@ class SceneConfig(Model):
 
 
 class P2gdConfig(Model):
-    """Prior-pose-guided distribution; the defaults are the paper's behaviour."""
+    """Prior-pose-guided distribution; docs/p2gd.md says where defaults aren't the paper's."""
 
     weight: Literal["total_parallax", "track_length"] = Field(
         "total_parallax", description="of a predicted track (total_parallax: paper eq. 6)"
@@ -138,6 +138,21 @@ class PriorsConfig(Model):
     yaw_noise_deg: NonNegative = Field(
         0.0, description="1 sigma on every pose's yaw, for source: noisy_truth"
     )
+
+    @model_validator(mode="after")
+    def _source_of_what_is_given(self) -> PriorsConfig:
+        noisy = self.position_noise > 0.0 or self.yaw_noise_deg > 0.0
+        for given, name, source in (
+            (self.file is not None, "file", "file"),
+            (noisy, "position_noise or yaw_noise_deg", "noisy_truth"),
+        ):
+            if given and self.source != source:
+                raise ValueError(
+                    f"priors.{name} is set, but priors.source is '{self.source}': set it to "
+                    f"'{source}', or leave the other away"
+                )
+        return self
+
     check: bool = Field(
         True, description="compare with the motion that followed; contradicted: quotas of the grid"
     )

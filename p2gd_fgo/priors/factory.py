@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 
 from p2gd_fgo.config import PriorsConfig
-from p2gd_fgo.errors import ConfigError
+from p2gd_fgo.errors import ConfigError, DataError
 from p2gd_fgo.priors.base import PriorSource
 from p2gd_fgo.priors.constant_velocity import ConstantVelocityPriors
 from p2gd_fgo.priors.image_times import ImageTimes
 from p2gd_fgo.priors.recorded import RecordedPriors, with_white_noise
 from p2gd_fgo.priors.resampling import at_stamps
 from p2gd_fgo.trajectory_files import read_tum
-from p2gd_fgo.types import IntArray, PriorPoses, Trajectory, Truth
+from p2gd_fgo.types import NANOSECONDS, IntArray, PriorPoses, Trajectory, Truth
 
 _NOISE_STREAM = 2  # beside the streams that the same seed feeds elsewhere
 
@@ -60,7 +60,7 @@ def make_prior_source(
         ``truth`` or ``noisy_truth`` without a truth or beforehand unknown images; ``file``
         without a file.
     DataError
-        The file can't be read.
+        The file can't be read, or its time doesn't overlap the images'.
     """
     times = ImageTimes(image_stamps_ns)
     recorded = truth is not None and image_stamps_ns is not None
@@ -75,7 +75,9 @@ def make_prior_source(
         return NoPriors(times, "none")
     if name == "file":
         path = _file(config)
-        return RecordedPriors(_at(read_tum(path), image_stamps_ns), times, horizon, f"file {path}")
+        planned = read_tum(path)
+        _check_overlap(path, planned, image_stamps_ns)
+        return RecordedPriors(_at(planned, image_stamps_ns), times, horizon, f"file {path}")
     if truth is None or image_stamps_ns is None:
         raise ConfigError(
             f"priors.source is '{name}', but there is no recording with truth: take "
@@ -94,6 +96,19 @@ def _file(config: PriorsConfig) -> Path:
     if config.file is None:
         raise ConfigError("priors.source is 'file', but priors.file is null: name a TUM trajectory")
     return Path(config.file)
+
+
+def _check_overlap(path: Path, planned: Trajectory, image_stamps_ns: IntArray | None) -> None:
+    if image_stamps_ns is None or len(image_stamps_ns) == 0:
+        return
+    first, last = planned.stamps_ns[[0, -1]].tolist()
+    begin, end = image_stamps_ns[[0, -1]].tolist()
+    if last <= begin or first >= end:
+        raise DataError(
+            f"priors.file {path}: its poses ({first / NANOSECONDS:.3f} to "
+            f"{last / NANOSECONDS:.3f} s) and the images ({begin / NANOSECONDS:.3f} to "
+            f"{end / NANOSECONDS:.3f} s) don't overlap in time: shift its stamps to the IMU's clock"
+        )
 
 
 def _at(trajectory: Trajectory, image_stamps_ns: IntArray | None) -> Trajectory:

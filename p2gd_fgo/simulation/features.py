@@ -5,6 +5,7 @@ Estimators are tested on these: noise and outliers are exactly what they are sai
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +13,9 @@ import numpy as np
 from p2gd_fgo.geometry.camera import Camera
 from p2gd_fgo.geometry.pose import inverse
 from p2gd_fgo.simulation.trajectory import SplineTrajectory
-from p2gd_fgo.types import FloatArray, IntArray, Observations
+from p2gd_fgo.types import BoolArray, FloatArray, IntArray, Observations
+
+Unhidden = Callable[[FloatArray, FloatArray], BoolArray]
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,9 +97,22 @@ def simulate_features(
     T_imu_cam: FloatArray,
     model: FeatureModel,
     rng: np.random.Generator,
+    *,
+    landmarks: FloatArray | None = None,
+    unhidden: Unhidden | None = None,
 ) -> list[Observations]:
-    """One :class:`Observations` per image; ids are unique per track."""
-    landmarks = scatter_landmarks(trajectory, model, rng)
+    """One :class:`Observations` per image; ids are unique per track.
+
+    Parameters
+    ----------
+    landmarks
+        (M, 3) in the world; None: :func:`scatter_landmarks`.
+    unhidden
+        Says of T_world_cam (4, 4) and points (N, 3) in view which (N,) nothing stands before;
+        None: nothing ever does.
+    """
+    if landmarks is None:
+        landmarks = scatter_landmarks(trajectory, model, rng)
     T_world_cam = trajectory.sample(image_stamps_ns).T_world_imu @ T_imu_cam
     track_of = np.full(len(landmarks), -1, dtype=np.int64)  # track id of each landmark, or -1
     length = np.zeros(len(landmarks), dtype=np.int64)
@@ -105,6 +121,8 @@ def simulate_features(
     frames = []
     for stamp, T in zip(image_stamps_ns.tolist(), T_world_cam, strict=True):
         seen, pixels = _see(landmarks, inverse(T), camera, model.max_range_m)
+        if unhidden is not None:
+            seen[seen] = unhidden(T, landmarks[seen])
         tracked = track_of >= 0
         ends = ~seen | (rng.random(len(landmarks)) > model.survival)
         ends |= length >= model.max_track_length

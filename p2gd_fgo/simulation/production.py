@@ -212,11 +212,10 @@ def _street_drive(
     pieces = len(corners) - 1
     if wide:
         outer = np.cumsum(rng.random(pieces) < vehicle.lane_changes) % 2
-        offsets = np.asarray(_LANE_M * (1.0 + 2.0 * outer), dtype=np.float64)
+        aside = np.asarray(_LANE_M * (1.0 + 2.0 * outer), np.float64)
     else:
-        offsets = rng.uniform(-0.4, 0.5, pieces)
-    offsets = np.asarray(offsets, np.float64)
-    way = way_along(corners, offsets, vehicle.turn_radius_m, 1.5 if wide else 0.4)
+        aside = rng.uniform(-0.4, 0.5, pieces)
+    way = way_along(corners, aside, vehicle.turn_radius_m, 1.5 if wide else 0.4)
     start = way[0]  # the drive begins in the origin
     network = replace(network, nodes=network.nodes - start)
     return drive(way - start, vehicle, scenario.duration_s, rng, START_NS), network

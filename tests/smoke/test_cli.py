@@ -15,7 +15,8 @@ from asl_folder import START_NS, AslFolder, imu_rows, truth_rows
 from p2gd_fgo.cli.main import main
 from p2gd_fgo.config import load_config
 
-CONFIGS = sorted((Path(__file__).parents[2] / "configs").rglob("*.yaml"))
+_ALL = sorted((Path(__file__).parents[2] / "configs").rglob("*.yaml"))
+CONFIGS = [path for path in _ALL if path.parent.name != "simulation"]
 
 Cli = Callable[..., tuple[int, str, str]]
 

@@ -86,8 +86,9 @@ def test_gauss_markov_biases_stay_bounded_where_a_walk_does_not() -> None:
 
 
 def test_scale_misalignment_and_saturation() -> None:
-    scenario = load_scenario(find_preset("fast_turns"), {"duration_s": 20.0})
-    trajectory = plan(scenario).drive.trajectory
+    trajectory = plan(
+        load_scenario(find_preset("fast_turns"), {"duration_s": 20.0})
+    ).drive.trajectory
     t = stamps(20.0)
     exact = synthesize(trajectory, t, imu_with(), 0).batch
     wrong = imu_with(gyro_scale_error=0.02, misalignment_deg=0.5)

@@ -56,8 +56,10 @@ def test_the_recording_is_read_as_any_other(folder: Path) -> None:
     assert sequence.truth is not None and sequence.truth.gyro_bias is not None
     masks = sorted((folder / "mav0" / "mask0" / "data").glob("*.png"))
     assert [m.stem for m in masks] == [str(s) for s in sequence.image_stamps_ns]
-    levels = {level for m in masks for level in np.unique(np.asarray(cv2.imread(str(m), -1)))}
-    assert levels <= {0, 255} and 255 in levels
+    for path in masks:
+        mask = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+        assert mask is not None and mask.shape == (120, 160)
+        assert set(np.unique(mask)) <= {0, 255} and mask.max() == 255
     assert load_scenario(folder / "scenario.yaml") == tiny()
 
 
