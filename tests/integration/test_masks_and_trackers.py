@@ -91,6 +91,7 @@ def test_no_feature_lies_under_its_images_mask(masked: Path, truth: Trajectory, 
             assert not under.any()
     assert unmasked > 0
     assert result.counts["masks_missing"] == 10
+    assert "10 images" in next(e.message for e in result.events if e.kind == "masks_missing")
     assert ate_m(result, truth) < 0.1
     if kind == "grid":
         assert digest(result) == digest(run_sequence(sequence, config))

@@ -9,12 +9,15 @@ import numpy as np
 import pytest
 from demo_variants import ate_m, kinds, opened, settings
 
+from p2gd_fgo.config import override
 from p2gd_fgo.datasets.asl import AslSequence
-from p2gd_fgo.errors import ConfigError
+from p2gd_fgo.errors import ConfigError, DataError
+from p2gd_fgo.experiment import run_experiment
 from p2gd_fgo.odometry import Odometry
 from p2gd_fgo.pipeline import prior_source, run_sequence
 from p2gd_fgo.priors import PriorSource
 from p2gd_fgo.recorder import RunResult
+from p2gd_fgo.trajectory_files import write_tum
 from p2gd_fgo.types import Estimate, ImuBatch, PriorPoses, Trajectory
 
 P2GD = {"distribution__kind": "p2gd"}
@@ -139,3 +142,32 @@ def test_a_planner_online_is_as_good_as_the_same_poses_from_the_recording(
 def test_truth_as_a_planner_needs_a_truth(demo: AslSequence) -> None:
     with pytest.raises(ConfigError, match=r"priors\.source"):
         Odometry(demo.calibration, settings(**P2GD, priors__source="truth"))
+
+
+def test_a_planner_that_is_named_but_not_chosen_is_refused() -> None:
+    for field, value, source in (("file", "plan.tum", "file"), ("yaw_noise_deg", 1.0, "noisy")):
+        with pytest.raises(ConfigError, match=source):
+            settings(**P2GD, **{f"priors__{field}": value})
+
+
+def test_a_plan_of_another_day_is_refused(
+    demo: AslSequence, truth: Trajectory, tmp_path: Path
+) -> None:
+    plan = tmp_path / "plan.tum"
+    write_tum(plan, Trajectory(truth.stamps_ns + 10**14, truth.T_world_imu))
+    config = settings(**P2GD, priors__source="file", priors__file=str(plan))
+    with pytest.raises(DataError, match="don't overlap"):
+        run_sequence(demo, config)
+
+
+def test_bad_input_leaves_an_earlier_run_alone(short_demo: Path, tmp_path: Path) -> None:
+    good = settings(dataset__path=str(short_demo), dataset__duration_s=2.0)
+    run_experiment(good, out=tmp_path / "run")
+    before = {path.name: path.read_bytes() for path in (tmp_path / "run").iterdir()}
+    bad = override(good, {"dataset.mask": str(tmp_path / "nowhere.png")})
+    with pytest.raises(DataError):
+        run_experiment(bad, out=tmp_path / "run", overwrite=True)
+    assert {path.name: path.read_bytes() for path in (tmp_path / "run").iterdir()} == before
+    with pytest.raises(DataError):
+        run_experiment(bad, out=tmp_path / "new")
+    assert not (tmp_path / "new").exists()
