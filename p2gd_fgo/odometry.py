@@ -7,7 +7,7 @@ from dataclasses import asdict
 
 import numpy as np
 
-from p2gd_fgo.backends.base import Backend, check_sane
+from p2gd_fgo.backends.base import Backend, check_sane, recent_poses
 from p2gd_fgo.backends.factory import imu_noise, make_backend
 from p2gd_fgo.config import Config, resolve
 from p2gd_fgo.datasets.base import Calibration
@@ -283,7 +283,7 @@ class Odometry:
     def _decide(self, predicted: NavState | None, handed: PriorPoses | None) -> Decision:
         """What to extract, seen from the predicted pose, or else from the last estimate."""
         with self.timer.stage("distribute"):
-            recent = _recent(self._estimate, predicted)
+            recent = recent_poses(self._estimate, predicted)
             frontend, priors = self._frontend, None
             if self._needs_priors and len(recent):
                 priors = self._priors.take(int(recent.stamps_ns[-1]), handed, recent)
@@ -299,16 +299,3 @@ class Odometry:
                     frontend.allowed,
                 )
             )
-
-
-def _recent(estimate: Estimate | None, predicted: NavState | None) -> Trajectory:
-    """The estimate's window, and the predicted pose if there is one."""
-    if estimate is None:
-        return Trajectory(np.zeros(0, np.int64), np.zeros((0, 4, 4)))
-    window = estimate.window
-    if predicted is None:
-        return window
-    return Trajectory(
-        np.append(window.stamps_ns, np.int64(predicted.stamp_ns)),
-        np.concatenate([window.T_world_imu, predicted.T_world_imu[None]]),
-    )

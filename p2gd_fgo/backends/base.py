@@ -68,3 +68,16 @@ def check_sane(estimate: Estimate) -> None:
                 state.stamp_ns,
                 f"the estimated {name} is {size:.3g} {unit}, beyond {limit:g}: diverged",
             )
+
+
+def recent_poses(estimate: Estimate | None, predicted: NavState | None) -> Trajectory:
+    """The estimate's window, with the predicted pose at its end if there is one."""
+    if estimate is None:
+        return Trajectory(np.zeros(0, np.int64), np.zeros((0, 4, 4)))
+    window = estimate.window
+    if predicted is None:
+        return window
+    return Trajectory(
+        np.append(window.stamps_ns, np.int64(predicted.stamp_ns)),
+        np.concatenate([window.T_world_imu, predicted.T_world_imu[None]]),
+    )
