@@ -14,51 +14,37 @@ from p2gd_fgo.types import FloatArray
 
 def house_rows(site: Plots, setback_m: float, open_share: float) -> None:
     """Rows of houses on both sides of every street, ``setback_m`` behind its border."""
-    network, rng = site.network, site.rng
-    for i, j in network.edges.tolist():
-        for start, end in ((i, j), (j, i)):  # the houses stand on the right
-            a, b = network.nodes[start], network.nodes[end]
-            length = float(np.linalg.norm(b - a))
-            e = (b - a) / length
-            out = np.array([e[1], -e[0]])
-            if rng.random() < open_share:
-                continue
-            at = 0.5 * network.width_m + setback_m
-            while at < length - 8.0:
-                design = site.palette.houses[int(rng.integers(len(site.palette.houses)))]
-                corner = a + at * e
-                back = 0.5 * network.width_m + setback_m + float(rng.choice([0.0, 0.0, 0.6, 1.5]))
-                corner = corner + back * out
-                along, into = design.width_m * e, design.depth_m * out
-                corners = np.array([corner, corner + along, corner + along + into, corner + into])
-                if site.take_house(corners, setback_m - 0.1):
-                    _house(site, corner, e, out, design, shops=True)
-                    at += design.width_m + float(rng.choice([0.0, 0.0, 1.6, 3.5]))
-                else:
-                    at += 4.0
+    rng, half = site.rng, 0.5 * site.network.width_m
+    for run in site.network.runs():
+        if rng.random() < open_share:
+            continue
+        at, length = run.margin_m + setback_m, run.length
+        while at < length - 8.0:
+            design = site.palette.houses[int(rng.integers(len(site.palette.houses)))]
+            back = half + setback_m + float(rng.choice([0.0, 0.0, 0.6, 1.5]))
+            place, e, out = run.at(at, design.width_m)
+            if site.take_house(_outline(place + back * out, e, out, design), setback_m - 0.1):
+                _house(site, place + back * out, e, out, design, shops=True)
+                at += design.width_m + float(rng.choice([0.0, 0.0, 1.6, 3.5]))
+            else:
+                at += 4.0
 
 
 def halls(site: Plots, setback_m: tuple[float, float], share: float) -> None:
     """Free-standing buildings of a campus, at varying distance from its paths."""
-    network, rng = site.network, site.rng
-    for i, j in network.edges.tolist():
-        for start, end in ((i, j), (j, i)):
-            a, b = network.nodes[start], network.nodes[end]
-            length = float(np.linalg.norm(b - a))
-            e = (b - a) / length
-            out = np.array([e[1], -e[0]])
-            if rng.random() > share:
-                continue
-            for _ in range(4):
-                design = site.palette.houses[int(rng.integers(len(site.palette.houses)))]
-                at = rng.uniform(1.0, max(length - design.width_m, 2.0))
-                setback = rng.uniform(*setback_m)
-                corner = a + at * e + (0.5 * network.width_m + setback) * out
-                along, into = design.width_m * e, design.depth_m * out
-                corners = np.array([corner, corner + along, corner + along + into, corner + into])
-                if site.take_house(corners, 0.6 * setback_m[0]):
-                    _house(site, corner, e, out, design, shops=False)
-                    break
+    rng, half = site.rng, 0.5 * site.network.width_m
+    for run in site.network.runs():
+        if rng.random() > share:
+            continue
+        for _ in range(4):
+            design = site.palette.houses[int(rng.integers(len(site.palette.houses)))]
+            at = rng.uniform(1.0, max(run.length - design.width_m, 2.0))
+            setback = rng.uniform(*setback_m)
+            place, e, out = run.at(at, design.width_m)
+            corner = place + (half + setback) * out
+            if site.take_house(_outline(corner, e, out, design), 0.6 * setback_m[0]):
+                _house(site, corner, e, out, design, shops=False)
+                break
 
 
 def skyline(
@@ -133,6 +119,12 @@ def _house(
     site.add(patches([eaves, eaves + into], along, [1.05 * ridge, ridge - into], tiles))
     gable = Look(palette.materials.concrete, (3.0, 3.0), gain=0.8, shape=TRIANGLE)
     site.add(patches([o + up, o + up + along], into, ridge, gable))
+
+
+def _outline(corner: FloatArray, e: FloatArray, out: FloatArray, design: HouseDesign) -> FloatArray:
+    """Corners (4, 2) of a house, in order."""
+    along, into = design.width_m * e, design.depth_m * out
+    return np.array([corner, corner + along, corner + along + into, corner + into])
 
 
 def _at(xy: FloatArray) -> FloatArray:

@@ -10,6 +10,49 @@ import numpy as np
 from p2gd_fgo.types import BoolArray, FloatArray, IntArray
 
 _POINT_M = 0.25  # spacing of the points of a way
+_RUN_NODES = 20
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Run:
+    """A stretch of street to build along, on its right side.
+
+    Attributes
+    ----------
+    points
+        (K, 2) m, K ≥ 2.
+    margin_m
+        At both ends, that belongs to the crossings.
+    """
+
+    points: FloatArray
+    margin_m: float
+
+    @property
+    def length(self) -> float:
+        """Length of the stretch, m."""
+        return float(self._arc()[-1])
+
+    def at(self, s: float, reach_m: float = 0.0) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Place (2,) at s m from the start, direction and outward normal (2,) there.
+
+        With ``reach_m`` the direction is that of the chord from s to s + reach_m.
+        """
+        place, e = self._on(s)
+        if reach_m > 0.0 and len(self.points) > 2:
+            chord = self._on(s + reach_m)[0] - place
+            e = chord / np.linalg.norm(chord)
+        return place, e, np.array([e[1], -e[0]])
+
+    def _arc(self) -> FloatArray:
+        steps = np.linalg.norm(np.diff(self.points, axis=0), axis=1)
+        return np.concatenate([[0.0], np.cumsum(steps)])
+
+    def _on(self, s: float) -> tuple[FloatArray, FloatArray]:
+        arc = self._arc()
+        k = int(np.clip(np.searchsorted(arc, s, "right") - 1, 0, len(arc) - 2))
+        e = (self.points[k + 1] - self.points[k]) / (arc[k + 1] - arc[k])
+        return self.points[k] + (s - arc[k]) * e, e
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,6 +90,16 @@ class Network:
             gap = np.linalg.norm(points - a[k] - share[:, None] * along[k], axis=1)
             nearest = np.minimum(nearest, gap)
         return np.asarray(nearest - 0.5 * self.width_m)
+
+    def runs(self) -> list[Run]:
+        """Both sides of all streets, in stretches between crossings or of some 80 m."""
+        half = 0.5 * self.width_m
+        if self.crossings:
+            ends = [pair for i, j in self.edges.tolist() for pair in ((i, j), (j, i))]
+            return [Run(self.nodes[list(pair)], half) for pair in ends]
+        cuts = range(0, len(self.nodes) - 1, _RUN_NODES)
+        parts = [self.nodes[k : k + _RUN_NODES + 1] for k in cuts]
+        return [Run(p, 0.0) for part in parts for p in (part, part[::-1])]
 
     def on_walk(self) -> BoolArray:
         """Which edges (E,) the vehicle drives along."""
@@ -124,7 +177,7 @@ def random_network(
 
 
 def network_of_route(
-    points: FloatArray, width_m: float, rng: np.random.Generator, *, piece_m: float = 8.0
+    points: FloatArray, width_m: float, rng: np.random.Generator, *, piece_m: float = 4.0
 ) -> Network:
     """One street along a driven line (N, 2), some metres longer at both ends."""
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)

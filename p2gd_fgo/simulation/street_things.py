@@ -15,30 +15,35 @@ _TREE_EVERY_M, _LAMP_EVERY_M, _SIGN_EVERY_M = 11.0, 27.0, 38.0
 
 def line_streets(site: Plots, parked_share: float) -> None:
     """Rows of trees, lamps and signs on the pavements, parked cars at the kerbs."""
-    for a, e, out, length in _sides(site):
-        half, n = 0.5 * site.network.width_m, np.array([out[0], out[1]])
-        heading = float(np.arctan2(e[1], e[0]))
-        trees = site.rng.random() < 0.65
-        for at in np.arange(half + 7.0, length - half - 7.0, 6.4):
-            if site.rng.random() < parked_share:
-                long = site.rng.random() < 0.15
+    rng, half = site.rng, 0.5 * site.network.width_m
+    for run in site.network.runs():
+        first, length = run.margin_m, run.length
+        last = length - first
+        trees = rng.random() < 0.65
+        for at in np.arange(first + 7.0, last - 7.0, 6.4):
+            if rng.random() < parked_share:
+                long = rng.random() < 0.15
                 size = VAN_M if long else CAR_M
-                xy = a + at * e + (half + 0.62 * size[1]) * n
+                place, e, n = run.at(at)
+                xy = place + (half + 0.62 * size[1]) * n
                 if site.take(xy, 0.5 * size[1]):
-                    body = (van if long else car)(site.palette, site.rng)
-                    turn = heading + float(site.rng.normal(0.0, 0.03))
+                    body = (van if long else car)(site.palette, rng)
+                    turn = float(np.arctan2(e[1], e[0])) + float(rng.normal(0.0, 0.03))
                     site.add(body.transformed(_pose(xy, turn)))
-        shift = site.rng.uniform(0.0, 4.0)
-        for at in np.arange(half + 5.0 + shift, length - half - 4.0, _TREE_EVERY_M):
-            xy = a + (at + site.rng.uniform(-0.8, 0.8)) * e + (half + 2.6) * n
-            if trees and site.rng.random() < 0.8 and site.take(xy, 0.5):
+        shift = rng.uniform(0.0, 4.0)
+        for at in np.arange(first + 5.0 + shift, last - 4.0, _TREE_EVERY_M):
+            place, _, n = run.at(at + rng.uniform(-0.8, 0.8))
+            xy = place + (half + 2.6) * n
+            if trees and rng.random() < 0.8 and site.take(xy, 0.5):
                 street_tree(site, np.array([*xy, 0.0]))
-        for at in np.arange(half + 2.0, length - half, _LAMP_EVERY_M):
-            xy = a + at * e + (half + 0.6) * n
+        for at in np.arange(first + 2.0, last, _LAMP_EVERY_M):
+            place, _, n = run.at(at)
+            xy = place + (half + 0.6) * n
             if site.take(xy, 0.15):
                 _lamp(site, xy, -n)
-        for at in np.arange(half + 3.0 + 6.0 * shift, length - half - 2.0, _SIGN_EVERY_M):
-            xy = a + at * e + (half + 0.8) * n
+        for at in np.arange(first + 3.0 + 6.0 * shift, last - 2.0, _SIGN_EVERY_M):
+            place, e, n = run.at(at)
+            xy = place + (half + 0.8) * n
             if site.take(xy, 0.15):
                 _sign(site, xy, e)
 
@@ -79,25 +84,14 @@ def street_tree(site: Plots, foot: FloatArray) -> None:
         furniture.leaves(site, top + shift, np.full(3, 0.7 * crown), 70, 0.36)
 
 
-def _sides(site: Plots) -> list[tuple[FloatArray, FloatArray, FloatArray, float]]:
-    """Both sides of every street: start, direction, outwards, length."""
-    out = []
-    for i, j in site.network.edges.tolist():
-        for start, end in ((i, j), (j, i)):
-            a, b = site.network.nodes[start], site.network.nodes[end]
-            length = float(np.linalg.norm(b - a))
-            e = (b - a) / length
-            out.append((a, e, np.array([e[1], -e[0]]), length))
-    return out
-
-
 def _lamp(site: Plots, xy: FloatArray, inwards: FloatArray) -> None:
     metal = Look(site.materials.painted[1], (0.5, 1.5))
     foot = np.array([*xy, 0.0])
     site.add(prism(foot, 0.08, 7.2, metal, sides=6))
     site.add(prism(foot, 0.13, 0.7, Look(site.materials.painted[0]), sides=6))
     arm = xy + 0.8 * inwards
-    site.add(box([*arm, 7.1], _along(inwards, 1.7, 0.08, 0.08), 0.0, metal))
+    heading = float(np.arctan2(inwards[1], inwards[0]))
+    site.add(box([*arm, 7.1], [1.7, 0.08, 0.08], heading, metal))
     head = xy + 1.6 * inwards
     site.add(box([*head, 7.0], [0.5, 0.5, 0.14], 0.0, Look(site.materials.painted[2], gain=2.2)))
 
