@@ -51,8 +51,5 @@ def imu_noise(config: Config, calibration: Calibration) -> ImuNoise:
                 f"imu.{name} is not known: the recording's calibration does not give it, so set it"
             )
         values.append(value * config.imu.inflation)
-    return ImuNoise(
-        *values,
-        gyro_correlation_s=config.imu.gyro_correlation_s or math.inf,
-        accel_correlation_s=config.imu.accel_correlation_s or math.inf,
-    )
+    times = (config.imu.gyro_correlation_s, config.imu.accel_correlation_s)
+    return ImuNoise(*values, *(math.inf if time is None else time for time in times))

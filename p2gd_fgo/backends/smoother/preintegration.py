@@ -8,7 +8,7 @@ from gtsam.symbol_shorthand import B, V, X
 
 from p2gd_fgo.datasets.base import ImuNoise
 from p2gd_fgo.geometry import so3
-from p2gd_fgo.imu import increments
+from p2gd_fgo.imu import ImuIncrements, increments
 from p2gd_fgo.types import FloatArray, ImuBatch
 
 # Position error of the integration itself; GTSAM wants it positive definite.
@@ -51,19 +51,16 @@ class Preintegrator:
         phi = (pieces.gyro - bias[3:]) * pieces.dt_s[:, None]
         turn = so3.right_jacobian(-phi)
         accel = (turn @ (pieces.accel - bias[:3])[..., None])[..., 0] + bias[:3]
-        kind = (
-            gtsam.PreintegratedCombinedMeasurements
-            if self._noise.biases_walk
-            else gtsam.PreintegratedImuMeasurements
-        )
-        measured = kind(self._params, gtsam.imuBias.ConstantBias(bias[:3], bias[3:]))
-        for a, w, dt in zip(accel, pieces.gyro, pieces.dt_s, strict=True):
-            measured.integrateMeasurement(a, w, float(dt))
+        point = gtsam.imuBias.ConstantBias(bias[:3], bias[3:])
         i, j = frame_i, frame_j
         if self._noise.biases_walk:
-            return [gtsam.CombinedImuFactor(X(i), V(i), X(j), V(j), B(i), B(j), measured)]
+            combined = gtsam.PreintegratedCombinedMeasurements(self._params, point)
+            _integrate(combined, accel, pieces)
+            return [gtsam.CombinedImuFactor(X(i), V(i), X(j), V(j), B(i), B(j), combined)]
+        motion = gtsam.PreintegratedImuMeasurements(self._params, point)
+        _integrate(motion, accel, pieces)
         return [
-            gtsam.ImuFactor(X(i), V(i), X(j), V(j), B(i), measured),
+            gtsam.ImuFactor(X(i), V(i), X(j), V(j), B(i), motion),
             self._decay(float(pieces.dt_s.sum()), i, j),
         ]
 
@@ -84,6 +81,15 @@ class Preintegrator:
         for key in (B(i), B(j)):
             at_zero.insert(key, constant_bias=gtsam.imuBias.ConstantBias())
         return gtsam.LinearContainerFactor(linear, at_zero)
+
+
+def _integrate(
+    measured: gtsam.PreintegratedCombinedMeasurements | gtsam.PreintegratedImuMeasurements,
+    accel: FloatArray,
+    pieces: ImuIncrements,
+) -> None:
+    for a, w, dt in zip(accel, pieces.gyro, pieces.dt_s, strict=True):
+        measured.integrateMeasurement(a, w, float(dt))
 
 
 def _driven_s(duration_s: float, correlation_s: float) -> float:
