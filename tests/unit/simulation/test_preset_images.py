@@ -16,7 +16,7 @@ from p2gd_fgo.simulation.scenario import Scenario
 from p2gd_fgo.types import FloatArray
 
 NAMES = sorted(path.stem for path in PRESETS.glob("*.yaml"))
-FRAMES = (3, 16)  # each tracked into the next
+FRAMES = (12, 21)  # each tracked into the next
 
 
 def clip(name: str) -> Scenario:
