@@ -13,6 +13,7 @@ from rich.console import Console
 from p2gd_fgo import __version__
 from p2gd_fgo.cli import config as config_commands
 from p2gd_fgo.cli.compare import compare
+from p2gd_fgo.cli.convert import convert
 from p2gd_fgo.cli.evaluate import evaluate
 from p2gd_fgo.cli.run import demo, run
 from p2gd_fgo.cli.simulate import simulate
@@ -30,6 +31,7 @@ app.command()(demo)
 app.command()(compare)
 app.command()(evaluate)
 app.command()(simulate)
+app.command()(convert)
 app.add_typer(config_commands.app, name="config")
 
 

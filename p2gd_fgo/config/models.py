@@ -10,18 +10,44 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from p2gd_fgo.config.base import Model, NonNegative, Positive, Vector3
+from p2gd_fgo.config.base import Model, Positive, Vector3
 from p2gd_fgo.config.features import DistributionConfig, FrontendConfig, PriorsConfig
+
+Row4 = tuple[float, float, float, float]
+Seconds = Annotated[float, Field(ge=0, le=1e9)]
 
 
 class DatasetConfig(Model):
     """Which recording, and which part of it."""
 
-    path: str | None = Field(None, description="folder of the recording")
-    format: Literal["auto", "asl"] = Field("auto", description="auto: guessed from the folder")
-    camera: str = Field("cam0", description="folder of the camera inside an ASL recording")
-    start_s: NonNegative = Field(0.0, description="skip this much at the start")
-    duration_s: Positive | None = Field(None, description="use this much; null: to the end")
+    path: str | None = Field(None, description="of the recording: a folder or a bag")
+    format: Literal["auto", "asl", "kaist", "kitti_raw", "bag", "tum"] = Field(
+        "auto",
+        description="auto: guessed from the path; asl: EuRoC, TUM-VI; bag: ROS 1, ROS 2, MCAP; "
+        "see docs/datasets.md",
+    )
+    camera: str = Field(
+        "cam0", description="folder of the camera, or its key in the calibration; bag: the key"
+    )
+    calibration: str | None = Field(
+        None,
+        description="file or folder of Kalibr, OpenVINS or ASL YAML; null: the recording's own (a "
+        "relative path starts at the working directory)",
+    )
+    image_topic: str | None = Field(None, description="bag: of the camera; null: the only one")
+    imu_topic: str | None = Field(None, description="bag: of the IMU; null: the only one")
+    truth_topic: str | None = Field(
+        None, description="bag: of odometry or poses; null: the only one; none: no truth"
+    )
+    T_truth_imu: tuple[Row4, Row4, Row4, Row4] | None = Field(
+        None,
+        description="bag, tum: takes IMU points to the frame whose poses the truth holds; null: "
+        "they are the IMU's",
+    )
+    start_s: Seconds = Field(0.0, description="skip this much at the start")
+    duration_s: Annotated[float, Field(gt=0, le=1e9)] | None = Field(
+        None, description="use this much; null: to the end"
+    )
     time_offset_s: float | None = Field(
         None, description="t_imu = t_cam + offset; null: the recording's own, or 0"
     )

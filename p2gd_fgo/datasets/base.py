@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from p2gd_fgo.geometry.camera import Camera
 from p2gd_fgo.types import Event, FloatArray, Image, ImuBatch, IntArray, Truth
@@ -69,6 +69,29 @@ class Calibration:
     T_imu_cam: FloatArray
     imu_noise: ImuNoise | None
     time_offset_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EncodedImage:
+    """A picture as the recording holds it: ``data`` of a file with this ``suffix`` (``.png``)."""
+
+    data: bytes
+    suffix: str
+
+
+@runtime_checkable
+class KeepsEncodedImages(Protocol):
+    """A recording that can hand out its images as they are, without decoding them."""
+
+    def encoded_image(self, index: int) -> EncodedImage | None:
+        """Image ``index`` as a PNG or JPEG whose decoding gives ``image(index)``, or None.
+
+        Raises
+        ------
+        DataError
+            It can't be read.
+        """
+        ...
 
 
 class Sequence(Protocol):

@@ -15,6 +15,8 @@ from p2gd_fgo.errors import DataError
 from p2gd_fgo.types import FloatArray, IntArray
 
 _INT64 = np.iinfo(np.int64)
+MAX_STAMP = 1 << 62
+"""Largest size of a stamp, ns: the difference of two must fit into 64 bits, too."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,6 +73,10 @@ def read_table(path: Path, widths: tuple[int, ...]) -> Table:
         for row, line in zip(rows, lines, strict=True):
             _check_row(row, width, f"{path}, line {line}")
         raise DataError(f"{path}: not readable as numbers: {error}") from None
+    far = (stamps > MAX_STAMP) | (stamps < -MAX_STAMP)
+    if far.any():
+        worst = int(np.argmax(far))
+        _stamp(str(stamps[worst]), f"{path}, line {lines[worst]}")
     return Table(path, np.array(lines, dtype=np.int64), stamps, values)
 
 
@@ -99,6 +105,24 @@ def read_image_list(path: Path) -> tuple[IntArray, list[str]]:
         stamps.append(value)
         names.append(name)
     return np.array(stamps, dtype=np.int64), names
+
+
+def read_stamps(path: Path) -> IntArray:
+    """Stamps (N,) of a file with one in front of every line, in its order.
+
+    Raises
+    ------
+    DataError
+        As :func:`read_table`.
+    """
+    rows, lines = _read_rows(path)
+    return np.array(
+        [
+            _stamp(row.partition(",")[0].strip(), f"{path}, line {line}")
+            for row, line in zip(rows, lines, strict=True)
+        ],
+        dtype=np.int64,
+    )
 
 
 def _read_rows(path: Path) -> tuple[list[str], list[int]]:
@@ -141,6 +165,10 @@ def _stamp(text: str, where: str) -> int:
         raise DataError(f"{where}: stamp {text!r} is not a whole number of nanoseconds") from None
     if not _INT64.min <= value <= _INT64.max:
         raise DataError(f"{where}: stamp {value} doesn't fit into 64 bits of nanoseconds")
+    if abs(value) > MAX_STAMP:
+        raise DataError(
+            f"{where}: stamp {value} lies more than 146 years from 1970, stamps are nanoseconds"
+        )
     return value
 
 

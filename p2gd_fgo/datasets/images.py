@@ -23,23 +23,56 @@ def decode_grey(path: Path) -> Image:
     DataError
         The file is missing, truncated or no image.
     """
+    return decode_grey_bytes(_read(path), str(path))
+
+
+def decode_raw(path: Path) -> Image:
+    """Read an image's 8-bit values as they are stored, (H, W) or (H, W, 3) BGR.
+
+    Raises
+    ------
+    DataError
+        The file is missing, truncated or no image.
+    """
+    image = _decode(_read(path), cv2.IMREAD_ANYCOLOR, str(path))
+    return np.asarray(image, dtype=np.uint8)
+
+
+def decode_grey_bytes(data: bytes, where: str) -> Image:
+    """Decode a picture in memory as (H, W) grey; of 16-bit values the upper 8 bits.
+
+    Raises
+    ------
+    DataError
+        Truncated or no image; ``where`` names it.
+    """
+    return np.asarray(_decode(data, cv2.IMREAD_GRAYSCALE, where), dtype=np.uint8)
+
+
+def _read(path: Path) -> bytes:
     try:
-        data = path.read_bytes()
+        return path.read_bytes()
     except FileNotFoundError:
         raise DataError(f"{path}: no such image") from None
     except OSError as error:
         raise DataError(f"{path}: the image can't be read: {error}") from None
+
+
+def _decode(data: bytes, flags: int, where: str) -> Image:
     # Some decoders fill the missing part with grey and say nothing, others write to the terminal.
     for head, end in _ENDS.items():
         if data.startswith(head) and end not in data[-_TAIL:]:
-            raise DataError(f"{path}: the image is truncated after {len(data)} bytes")
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE) if data else None
+            raise DataError(f"{where}: the image is truncated after {len(data)} bytes")
+    try:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
+    except cv2.error:  # such as a header that asks for 2^30 pixels
+        image = None
     if image is None:
-        raise DataError(f"{path}: not an image that can be decoded ({len(data)} bytes)")
-    return np.asarray(image, dtype=np.uint8)
+        raise DataError(f"{where}: not an image that can be decoded ({len(data)} bytes)")
+    return np.asarray(image)
 
 
-def check_size(image: Image, camera: Camera, path: Path) -> None:
+def check_size(image: Image, camera: Camera, path: Path | str) -> None:
     """Refuse an image whose size isn't the calibration's.
 
     Raises

@@ -6,6 +6,7 @@ from collections.abc import Sequence as Items
 from dataclasses import dataclass
 from pathlib import Path
 
+from p2gd_fgo.config.models import DatasetConfig
 from p2gd_fgo.datasets.images import check_size, decode_grey
 from p2gd_fgo.errors import DataError
 from p2gd_fgo.geometry.camera import Camera
@@ -68,3 +69,20 @@ def open_masks(folder: Path, images: Items[Path], camera: Camera) -> MaskFolder:
             f"first would be {Path(images[0].name).with_suffix('.png')}"
         )
     return masks
+
+
+def configured_masks(
+    config: DatasetConfig, images: Items[Path], camera: Camera
+) -> MaskFolder | None:
+    """Open ``dataset.masks``; a relative path starts at the recording's folder.
+
+    Raises
+    ------
+    DataError
+        As :func:`open_masks`.
+    """
+    if config.masks is None:
+        return None
+    recording = Path(config.path or ".").expanduser()
+    root = recording if recording.is_dir() else recording.parent
+    return open_masks(root / Path(config.masks).expanduser(), images, camera)

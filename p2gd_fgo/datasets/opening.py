@@ -6,7 +6,12 @@ from pathlib import Path
 
 from p2gd_fgo.config.models import DatasetConfig
 from p2gd_fgo.datasets.asl import find_mav0, open_asl
+from p2gd_fgo.datasets.bag import open_bag
+from p2gd_fgo.datasets.bag_reading import bag_files
 from p2gd_fgo.datasets.base import Sequence
+from p2gd_fgo.datasets.kaist import is_kaist, open_kaist
+from p2gd_fgo.datasets.kitti_raw import is_kitti_raw, open_kitti_raw
+from p2gd_fgo.datasets.tum import is_tum, open_tum
 from p2gd_fgo.errors import DataError
 
 
@@ -16,33 +21,71 @@ def open_sequence(config: DatasetConfig, *, max_gap_s: float = 0.1) -> Sequence:
     Parameters
     ----------
     config
-        Path, format (``auto``: guessed from the folder), camera, part, time offset and masks.
+        Path, format (``auto``: guessed from the path), camera, calibration, topics, part, time
+        offset and masks.
     max_gap_s
         ``imu.max_gap_s``: longer holes in the IMU become an event.
 
     Raises
     ------
     DataError
-        No path, no such folder, no known format in it, or a recording that can't be used.
+        No path, nothing there, no known format in it, or a recording that can't be used.
+    """
+    path = recording_path(config)
+    name = recording_format(config)
+    if name == "bag":
+        return open_bag(path, config, max_gap_s)
+    if name == "kaist":
+        return open_kaist(path, config, max_gap_s)
+    if name == "kitti_raw":
+        return open_kitti_raw(path, config, max_gap_s)
+    if name == "tum":
+        return open_tum(path, config, max_gap_s)
+    return open_asl(find_mav0(path, config.camera) or path, config, max_gap_s)
+
+
+def recording_path(config: DatasetConfig) -> Path:
+    """``dataset.path``, which exists.
+
+    Raises
+    ------
+    DataError
+        It isn't set or there is nothing.
     """
     if config.path is None:
-        raise DataError("dataset.path is not set: give the folder of a recording")
-    folder = Path(config.path).expanduser()
-    if not folder.is_dir():
-        reason = "is a file, not the folder of a recording" if folder.exists() else "doesn't exist"
-        raise DataError(f"dataset.path: {folder} {reason}")
-    mav0 = find_mav0(folder, config.camera)
-    if mav0 is None:
+        raise DataError("dataset.path is not set: give the folder of a recording, or a bag")
+    path = Path(config.path).expanduser()
+    if not path.exists():
+        raise DataError(f"dataset.path: {path} doesn't exist")
+    return path
+
+
+def recording_format(config: DatasetConfig) -> str:
+    """``dataset.format``, guessed from what lies at the path where it is ``auto``.
+
+    Raises
+    ------
+    DataError
+        Nothing that is known.
+    """
+    path = recording_path(config)
+    if path.is_file() and config.format in ("auto", "bag") and bag_files(path):
+        return "bag"
+    if path.is_file():
         raise DataError(
-            f"{folder}: no known format of recording: an ASL folder (EuRoC, TUM-VI) would hold "
-            f"mav0/ or {config.camera}/"
+            f"dataset.path: {path} is a file, not the folder of a recording or a bag "
+            "(.bag, .db3, .mcap)"
         )
-    return open_asl(
-        mav0,
-        camera=config.camera,
-        start_s=config.start_s,
-        duration_s=config.duration_s,
-        time_offset_s=config.time_offset_s,
-        max_gap_s=max_gap_s,
-        masks=None if config.masks is None else folder / Path(config.masks).expanduser(),
-    )
+    if config.format != "auto":
+        return config.format
+    if find_mav0(path, config.camera) is not None:
+        return "asl"
+    guesses = {"kaist": is_kaist, "kitti_raw": is_kitti_raw, "tum": is_tum, "bag": bag_files}
+    found = next((name for name, fits in guesses.items() if fits(path)), None)
+    if found is None:
+        raise DataError(
+            f"dataset.path: {path} holds no known format of recording: an ASL folder (EuRoC, "
+            f"TUM-VI) would hold mav0/ or {config.camera}/, KAIST Urban image/stereo_left/, KITTI "
+            "raw oxts/ and image_00/, a TUM-style folder rgb.txt, or there would be a bag"
+        )
+    return found

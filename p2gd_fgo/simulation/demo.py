@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
+from p2gd_fgo.datasets.asl_writer import write_asl
 from p2gd_fgo.datasets.base import Calibration
 from p2gd_fgo.errors import DataError
 from p2gd_fgo.geometry.camera import RadTanCamera
-from p2gd_fgo.simulation.asl_writer import write_asl
 from p2gd_fgo.simulation.courtyard import courtyard
 from p2gd_fgo.simulation.imu import MEMS_NOISE, synthesize_imu
 from p2gd_fgo.simulation.renderer import Renderer, SensorModel

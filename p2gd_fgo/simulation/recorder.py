@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 
 from p2gd_fgo.atomic_files import atomic_path, write_text
+from p2gd_fgo.datasets.asl_writer import write_png, write_sensors
 from p2gd_fgo.errors import ConfigError, DataError
-from p2gd_fgo.simulation.asl_writer import write_png, write_sensors
 from p2gd_fgo.simulation.demo import default_cache
 from p2gd_fgo.simulation.imu_errors import synthesize
 from p2gd_fgo.simulation.presets import dump_scenario, images_hash, scenario_hash

@@ -24,7 +24,7 @@ def asl(tmp_path: Path) -> AslFolder:
 @pytest.mark.parametrize(
     ("edit", "message"),
     [
-        ({"distortion_model": "fov"}, "distortion_model is 'fov', known are equidistant, rad"),
+        ({"distortion_model": "fov"}, "distortion_model is 'fov', known are equidistant, none"),
         ({"distortion_model": None}, "distortion_model is None, known are"),
         (
             {"distortion_coefficients": [0.1, 0.2]},
@@ -156,8 +156,10 @@ def test_paths_without_a_recording(tmp_path: Path) -> None:
         open_sequence(DatasetConfig())
     with pytest.raises(DataError, match="nowhere doesn't exist"):
         open_sequence(DatasetConfig(path=str(tmp_path / "nowhere")))
-    (tmp_path / "file.bag").touch()
-    with pytest.raises(DataError, match="is a file, not the folder of a recording"):
-        open_sequence(DatasetConfig(path=str(tmp_path / "file.bag")))
-    with pytest.raises(DataError, match="would hold mav0/ or cam0/"):
+    (tmp_path / "file.txt").touch()
+    with pytest.raises(
+        DataError, match="dataset.path: .* is a file, not the folder of a recording"
+    ):
+        open_sequence(DatasetConfig(path=str(tmp_path / "file.txt")))
+    with pytest.raises(DataError, match="dataset.path: .* would hold mav0/ or cam0/"):
         open_sequence(DatasetConfig(path=str(tmp_path)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import cv2
@@ -19,13 +19,14 @@ _CAMERA_HEADER = "#timestamp [ns],filename"
 _IMU_HEADER = "#timestamp [ns]," + ",".join(
     [f"w_RS_S_{a} [rad s^-1]" for a in "xyz"] + [f"a_RS_S_{a} [m s^-2]" for a in "xyz"]
 )
-_TRUTH_HEADER = "#timestamp [ns]," + ",".join(
-    [f"p_RS_R_{a} [m]" for a in "xyz"]
-    + [f"q_RS_{a} []" for a in "wxyz"]
-    + [f"v_RS_R_{a} [m s^-1]" for a in "xyz"]
-    + [f"b_w_RS_S_{a} [rad s^-1]" for a in "xyz"]
-    + [f"b_a_RS_S_{a} [m s^-2]" for a in "xyz"]
-)
+_TRUTH_COLUMNS = [
+    "#timestamp [ns]",
+    *(f"p_RS_R_{a} [m]" for a in "xyz"),
+    *(f"q_RS_{a} []" for a in "wxyz"),
+    *(f"v_RS_R_{a} [m s^-1]" for a in "xyz"),
+    *(f"b_w_RS_S_{a} [rad s^-1]" for a in "xyz"),
+    *(f"b_a_RS_S_{a} [m s^-2]" for a in "xyz"),
+]
 
 
 def write_asl(
@@ -34,21 +35,19 @@ def write_asl(
     image_stamps_ns: IntArray,
     images: Iterable[Image],
     imu: ImuBatch,
-    truth: Truth,
+    truth: Truth | None,
 ) -> None:
-    """Write ``folder``/mav0, image by image.
+    """Write ``folder``/mav0, image by image; other arguments as :func:`write_sensors`.
 
     Parameters
     ----------
     image_stamps_ns, images
         (N,) and N grey images, drawn from the iterable one at a time.
-    truth
-        With velocity and biases; usually at the IMU's rate.
 
     Raises
     ------
     ValueError
-        Truth without velocity or biases; fewer or more images than stamps.
+        Fewer or more images than stamps.
     """
     data = folder / "mav0" / "cam0" / "data"
     data.mkdir(parents=True)
@@ -64,28 +63,42 @@ def write_png(path: Path, image: Image) -> None:
 
 
 def write_sensors(
-    folder: Path, calibration: Calibration, image_stamps_ns: IntArray, imu: ImuBatch, truth: Truth
+    folder: Path,
+    calibration: Calibration,
+    image_stamps_ns: IntArray,
+    imu: ImuBatch,
+    truth: Truth | None,
+    *,
+    suffixes: Sequence[str] | None = None,
 ) -> None:
-    """Write all of ``folder``/mav0 but the images.
+    """Write all of ``folder``/mav0 but the images; numbers of the csv files with 12 digits.
 
-    Raises
-    ------
-    ValueError
-        Truth without velocity or biases.
+    Parameters
+    ----------
+    truth
+        Of the IMU; its velocity and biases are written as far as the columns of the format let:
+        velocity, then both biases. None: no file.
+    suffixes
+        (N,) endings of the image files, ``.png`` unless given.
     """
     camera, inertial, reference = (
         folder / "mav0" / name for name in ("cam0", "imu0", "state_groundtruth_estimate0")
     )
-    for path in (camera, inertial, reference):
+    for path in (camera, inertial):
         path.mkdir(parents=True, exist_ok=True)
-    rows = [_CAMERA_HEADER, *(f"{stamp},{stamp}.png" for stamp in image_stamps_ns)]
+    endings = suffixes or [".png"] * len(image_stamps_ns)
+    names = zip(image_stamps_ns.tolist(), endings, strict=True)
+    rows = [_CAMERA_HEADER, *(f"{stamp},{stamp}{suffix}" for stamp, suffix in names)]
     (camera / "data.csv").write_text("\n".join(rows) + "\n", encoding="ascii")
     _write_yaml(camera / "sensor.yaml", _camera_sensor(calibration, image_stamps_ns))
     _write_csv(inertial / "data.csv", _IMU_HEADER, imu.stamps_ns, np.hstack([imu.gyro, imu.accel]))
     _write_yaml(inertial / "sensor.yaml", _imu_sensor(calibration, imu))
-    _write_csv(
-        reference / "data.csv", _TRUTH_HEADER, truth.trajectory.stamps_ns, _truth_columns(truth)
-    )
+    if truth is None:
+        return
+    reference.mkdir(exist_ok=True)
+    columns = _truth_columns(truth)
+    header = ",".join(_TRUTH_COLUMNS[: columns.shape[1] + 1])
+    _write_csv(reference / "data.csv", header, truth.trajectory.stamps_ns, columns)
     _write_yaml(
         reference / "sensor.yaml",
         {"sensor_type": "visual-inertial", "T_BS": _matrix(np.eye(4))},
@@ -93,11 +106,13 @@ def write_sensors(
 
 
 def _truth_columns(truth: Truth) -> FloatArray:
-    if truth.velocity is None or truth.gyro_bias is None or truth.accel_bias is None:
-        raise ValueError("an ASL truth needs velocity and biases")
     T = truth.trajectory.T_world_imu
-    quaternion = np.roll(to_quaternion(T[:, :3, :3]), 1, axis=-1)
-    return np.hstack([T[:, :3, 3], quaternion, truth.velocity, truth.gyro_bias, truth.accel_bias])
+    columns = [T[:, :3, 3], np.roll(to_quaternion(T[:, :3, :3]), 1, axis=-1)]
+    if truth.velocity is not None:
+        columns.append(truth.velocity)
+        if truth.gyro_bias is not None and truth.accel_bias is not None:
+            columns += [truth.gyro_bias, truth.accel_bias]
+    return np.hstack(columns)
 
 
 def _camera_sensor(calibration: Calibration, stamps_ns: IntArray) -> dict[str, object]:
@@ -144,7 +159,8 @@ def _imu_sensor(calibration: Calibration, imu: ImuBatch) -> dict[str, object]:
 
 
 def _rate_hz(stamps_ns: IntArray) -> int:
-    return round(NANOSECONDS / float(np.median(np.diff(stamps_ns))))
+    steps = np.diff(stamps_ns)
+    return round(NANOSECONDS / float(np.median(steps))) if len(steps) else 0
 
 
 def _matrix(T: FloatArray) -> dict[str, object]:

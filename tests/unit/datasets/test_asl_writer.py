@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from p2gd_fgo.config.models import DatasetConfig
+from p2gd_fgo.datasets.asl_writer import write_asl
 from p2gd_fgo.datasets.base import Calibration, ImuNoise
 from p2gd_fgo.datasets.opening import open_sequence
 from p2gd_fgo.geometry import so3
 from p2gd_fgo.geometry.camera import Camera, EquidistantCamera, RadTanCamera
 from p2gd_fgo.geometry.pose import from_rotation_translation
-from p2gd_fgo.simulation.asl_writer import write_asl
 from p2gd_fgo.types import Image, ImuBatch, Trajectory, Truth
 
 STAMPS = 1_700_000_000_000_000_000 + 5_000_000 * np.arange(21, dtype=np.int64)
@@ -67,9 +67,20 @@ def test_a_time_offset_is_written(tmp_path: Path) -> None:
     assert sequence.calibration.time_offset_s == 0.002
 
 
-def test_what_the_format_cannot_hold_is_refused(tmp_path: Path) -> None:
+@pytest.mark.parametrize("fields", [(), ("velocity",), ("gyro_bias", "accel_bias")])
+def test_a_truth_that_knows_less(tmp_path: Path, fields: tuple[str, ...]) -> None:
+    calibration, images, imu, whole = recording(RADTAN)
+    truth = Truth(whole.trajectory, **{name: getattr(whole, name) for name in fields})
+    write_asl(tmp_path / "made", calibration, FRAMES, images, imu, truth)
+    read = open_sequence(DatasetConfig(path=str(tmp_path / "made"))).truth
+    assert read is not None and len(read.trajectory) == 21
+    assert (read.velocity is not None) == ("velocity" in fields)
+    assert read.gyro_bias is None and read.accel_bias is None  # the columns come after velocity
+
+
+def test_no_truth_and_too_few_images(tmp_path: Path) -> None:
     calibration, images, imu, truth = recording(RADTAN)
-    with pytest.raises(ValueError, match="velocity"):
-        write_asl(tmp_path / "b", calibration, FRAMES, images, imu, Truth(truth.trajectory))
+    write_asl(tmp_path / "made", calibration, FRAMES, images, imu, None)
+    assert open_sequence(DatasetConfig(path=str(tmp_path / "made"))).truth is None
     with pytest.raises(ValueError, match="shorter"):
         write_asl(tmp_path / "c", calibration, FRAMES, images[:2], imu, truth)
