@@ -28,18 +28,16 @@ _CDR_BIG_ENDIAN = 0
 
 
 def bag_files(path: Path) -> list[Path]:
-    """What to open of a file or folder: a bag, a ROS 2 folder, or a ROS 1 recording in parts.
+    """What to open of a file or folder: a bag, a ROS 2 folder, or a recording in parts.
 
-    Empty where there is none.
+    Empty where there is none, or storage of several kinds.
     """
     if path.is_file():
         return [path] if path.suffix in SUFFIXES else []
-    if (path / _ROS2_METADATA).is_file():
-        return [path]
+    if (path / _ROS2_METADATA).is_file() and path.suffix != ".bag":
+        return [path]  # one that is named *.bag would be taken for ROS 1's
     found = sorted(file for file in path.glob("*") if file.suffix in SUFFIXES)
-    if len(found) > 1 and any(file.suffix != ".bag" for file in found):
-        return found[:1] if len({file.suffix for file in found}) == 1 else []
-    return found
+    return found if len({file.suffix for file in found}) == 1 else []
 
 
 class Bag:

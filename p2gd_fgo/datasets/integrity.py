@@ -7,6 +7,9 @@ import numpy as np
 from p2gd_fgo.errors import DataError
 from p2gd_fgo.types import NANOSECONDS, BoolArray, Event, ImuBatch, IntArray, Truth
 
+MAX_TRUTH_GAP_S = 0.5
+"""Nothing is said about the time between two poses of the truth farther apart than this."""
+
 
 def increasing_order(stamps_ns: IntArray, sensor: str) -> tuple[IntArray, list[Event]]:
     """Index (M,) that brings stamps (N,) into strictly increasing order, and what it mended.
@@ -93,12 +96,18 @@ def _truth_coverage(stamps: IntArray, truth: Truth | None) -> list[Event]:
             Event(int(stamps[0]), "truth_missing", "the recording has no truth: no errors, no ATE")
         ]
     reference = truth.trajectory.stamps_ns
-    covered: BoolArray = (stamps >= reference[0]) & (stamps <= reference[-1])
+    inside: BoolArray = (stamps >= reference[0]) & (stamps <= reference[-1])
+    after = np.searchsorted(reference, stamps).clip(0, len(reference) - 1)
+    before = np.where(reference[after] == stamps, after, np.maximum(after - 1, 0))
+    in_hole = inside & (reference[after] - reference[before] > MAX_TRUTH_GAP_S * NANOSECONDS)
+    covered = inside & ~in_hole
     if covered.all():
         return []
-    count = int(covered.sum())
+    count, holes = int(covered.sum()), len(np.unique(before[in_hole]))
     message = f"the truth covers {count} of {len(stamps)} images"
-    data: dict[str, float | int | str] = {"covered": count, "images": len(stamps)}
+    if holes:
+        message += f"; it has {holes} holes over {MAX_TRUTH_GAP_S} s, which are not bridged"
+    data: dict[str, float | int | str] = {"covered": count, "images": len(stamps), "holes": holes}
     return [Event(int(stamps[~covered][0]), "truth_partial", message, data)]
 
 

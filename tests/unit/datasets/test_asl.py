@@ -226,7 +226,7 @@ def test_truth_that_covers_a_part_or_nothing(asl: AslFolder) -> None:
     asl.truth = asl.truth[:30]
     sequence = asl.write().open()
     assert kinds(sequence) == ["truth_partial"]
-    assert sequence.events[0].data == {"covered": 3, "images": 6}
+    assert sequence.events[0].data == {"covered": 3, "images": 6, "holes": 0}
     asl.truth_csv.unlink()
     sequence = asl.open()
     assert sequence.truth is None

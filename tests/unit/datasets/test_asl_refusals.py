@@ -158,8 +158,8 @@ def test_paths_without_a_recording(tmp_path: Path) -> None:
         open_sequence(DatasetConfig(path=str(tmp_path / "nowhere")))
     (tmp_path / "file.txt").touch()
     with pytest.raises(
-        DataError, match="dataset.path: .* is a file, not the folder of a recording"
+        DataError, match=r"dataset.path: .* is a file, not the folder of a recording"
     ):
         open_sequence(DatasetConfig(path=str(tmp_path / "file.txt")))
-    with pytest.raises(DataError, match="dataset.path: .* would hold mav0/ or cam0/"):
+    with pytest.raises(DataError, match=r"dataset.path: .* would hold mav0/ or cam0/"):
         open_sequence(DatasetConfig(path=str(tmp_path)))
