@@ -8,6 +8,7 @@ A bag comes from anywhere, and its parser meets malformed bytes with many kinds 
 from __future__ import annotations
 
 import struct
+import weakref
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -67,11 +68,12 @@ class Bag:
         with self.faults("the bag"):
             self._reader = AnyReader(files, default_typestore=store)
             self._reader.open()
-
-    def __del__(self) -> None:
-        reader = getattr(self, "_reader", None)
-        if reader is not None and reader.stack is not None:
-            reader.close()
+            for c in self._reader.connections:  # as metadata.yaml says, not checked by the library
+                if not (isinstance(c.topic, str) and isinstance(c.msgtype, str)):
+                    raise TypeError(f"a topic is named {c.topic!r} of type {c.msgtype!r}")
+                if not isinstance(c.msgcount, int):
+                    raise TypeError(f"{c.topic} has {c.msgcount!r} messages")
+        weakref.finalize(self, self._reader.close)
 
     @property
     def connections(self) -> list[Connection]:
@@ -86,11 +88,15 @@ class Bag:
         Raises
         ------
         DataError
-            The bag is damaged.
+            The bag is damaged, or has none although it says so.
         """
+        found = False
         with self.faults(connections[0].topic):
             for connection, stamp, data in self._reader.messages(connections, start=start_ns):
+                found = True
                 yield stamp, data, connection.msgtype
+            if not found:
+                raise ValueError("its index promises messages that are not there")
 
     def message(self, data: bytes, kind: str, topic: str) -> Any:
         """The message that the bytes stand for.

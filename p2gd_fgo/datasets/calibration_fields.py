@@ -120,6 +120,8 @@ def exact_transform(T: FloatArray, what: str) -> FloatArray:
     DataError
         It isn't, by more than a thousandth.
     """
+    if not np.isfinite(T).all():
+        raise DataError(f"{what}: every number must be finite")
     R = T[:3, :3]
     with np.errstate(over="ignore", invalid="ignore"):
         error = max(np.abs(R.T @ R - np.eye(3)).max(), np.abs(T[3] - [0.0, 0.0, 0.0, 1.0]).max())

@@ -15,6 +15,7 @@ from p2gd_fgo.errors import DataError
 from p2gd_fgo.types import FloatArray, IntArray
 
 _INT64 = np.iinfo(np.int64)
+_MAX_NAME = 255  # bytes
 MAX_STAMP = 1 << 62
 """Largest size of a stamp, ns: the difference of two must fit into 64 bits, too."""
 
@@ -96,6 +97,7 @@ def read_image_list(path: Path) -> tuple[IntArray, list[str]]:
         where = f"{path}, line {line}"
         if not name:
             raise DataError(f"{where}: a stamp in ns and a file name expected, but found {row!r}")
+        check_file_name(name, where)
         value = _stamp(stamp, where)
         if stamps and value <= stamps[-1]:
             raise DataError(
@@ -105,6 +107,18 @@ def read_image_list(path: Path) -> tuple[IntArray, list[str]]:
         stamps.append(value)
         names.append(name)
     return np.array(stamps, dtype=np.int64), names
+
+
+def check_file_name(name: str, where: str) -> None:
+    """Refuse what no file system takes for a name.
+
+    Raises
+    ------
+    DataError
+        Too long, or with characters that aren't printable.
+    """
+    if not name.isprintable() or max(len(part.encode()) for part in name.split("/")) > _MAX_NAME:
+        raise DataError(f"{where}: {name[:60]!r} is no file name")
 
 
 def read_stamps(path: Path) -> IntArray:

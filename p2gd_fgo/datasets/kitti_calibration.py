@@ -90,7 +90,7 @@ def load_kitti_calibration(folder: Path, camera: str, size: tuple[int, int]) -> 
             f"{size[0]}x{size[1]}: take the calibration of the same day"
         )
     try:
-        lens = RadTanCamera(*size, K[0, 0], K[1, 1], K[0, 2], K[1, 2], *D)
+        lens = RadTanCamera(*size, *K[[0, 1, 0, 1], [0, 1, 2, 2]].tolist(), *D.tolist())
     except DataError as error:
         raise DataError(f"{where}: {error}") from None
     return Calibration(camera=lens, T_imu_cam=pose.inverse(T_cam_imu), imu_noise=None)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from p2gd_fgo.datasets.csv_tables import MAX_STAMP, Table
+from p2gd_fgo.datasets.csv_tables import MAX_STAMP, Table, check_file_name
 from p2gd_fgo.errors import DataError
 from p2gd_fgo.types import NANOSECONDS, IntArray
 
@@ -53,6 +53,7 @@ def read_seconds_list(path: Path) -> tuple[IntArray, list[str]]:
                 f"{path}, line {line}: a time in seconds and a file name expected, but "
                 f"{len(words)} columns found"
             )
+        check_file_name(words[1], f"{path}, line {line}")
         stamps.append(seconds_to_ns(words[0], f"{path}, line {line}"))
         names.append(words[1])
     return np.array(stamps, np.int64), names
