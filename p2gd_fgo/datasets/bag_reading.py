@@ -69,9 +69,9 @@ class Bag:
             self._reader = AnyReader(files, default_typestore=store)
             self._reader.open()
             for c in self._reader.connections:  # as metadata.yaml says, not checked by the library
-                if not (isinstance(c.topic, str) and isinstance(c.msgtype, str)):
+                if not all(isinstance(text, str) for text in (c.topic, c.msgtype)):
                     raise TypeError(f"a topic is named {c.topic!r} of type {c.msgtype!r}")
-                if not isinstance(c.msgcount, int):
+                if type(c.msgcount) is not int:
                     raise TypeError(f"{c.topic} has {c.msgcount!r} messages")
         weakref.finalize(self, self._reader.close)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from p2gd_fgo.config import Config, override
+from p2gd_fgo.config import Config, load_config, override
 from p2gd_fgo.datasets import open_sequence
 from p2gd_fgo.evaluation.evaluate import evaluate
 from p2gd_fgo.pipeline import run_sequence
@@ -58,3 +58,20 @@ def test_a_real_flight_is_followed_to_centimetres(recordings: Path) -> None:
     assert found.accuracy is not None
     ate = found.accuracy.ate_m["yaw_pos"]
     assert ate is not None and ate.rmse < 0.02
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize(
+    ("config", "recording"),
+    [("euroc/MH_01_easy", "euroc_mh01"), ("kitti_raw/2011_09_26_0039", "kitti_0039")],
+)
+def test_a_shipped_configuration_runs_its_recording(
+    recordings: Path, config: str, recording: str
+) -> None:
+    path = Path(__file__).parents[2] / "configs" / f"{config}.yaml"
+    chosen = {"dataset.path": str(recordings / recording), "dataset.duration_s": 2.0}
+    made = override(load_config(path), chosen)
+    sequence = open_sequence(made.dataset)
+    result = run_sequence(sequence, made)
+    assert result.status == "done"
+    assert len(result.estimate) == len(sequence.image_stamps_ns)

@@ -17,6 +17,7 @@ from p2gd_fgo.config import load_config
 
 _ALL = sorted((Path(__file__).parents[2] / "configs").rglob("*.yaml"))
 CONFIGS = [path for path in _ALL if path.parent.name != "simulation"]
+BASES = [path for path in CONFIGS if path.parent.name == "configs"]  # the others only add a name
 
 Cli = Callable[..., tuple[int, str, str]]
 
@@ -175,7 +176,7 @@ class TestRun:
         assert code == 0, err
         assert "given, from truth" in out
 
-    @pytest.mark.parametrize("config", CONFIGS, ids=lambda p: p.stem)
+    @pytest.mark.parametrize("config", BASES, ids=lambda p: p.stem)
     def test_every_configuration_runs(
         self, config: Path, short_demo: Path, cli: Cli, tmp_path: Path
     ) -> None:
