@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -11,7 +12,7 @@ import cv2
 import numpy as np
 import yaml
 from rosbags.rosbag1 import Writer as Writer1
-from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
@@ -41,6 +42,22 @@ class Content:
         kept = (t <= first_s) | (t >= last_s)
         truth = Trajectory(self.truth.stamps_ns[kept], self.truth.T_world_imu[kept])
         return replace(self, truth=truth)
+
+    def between(self, first_ns: int, last_ns: int) -> Content:
+        """What was measured from the first time to before the last."""
+
+        def kept(stamps_ns: IntArray) -> slice:
+            return slice(*np.searchsorted(stamps_ns, [first_ns, last_ns]).tolist())
+
+        i, k, t = (
+            kept(s) for s in (self.image_stamps_ns, self.imu.stamps_ns, self.truth.stamps_ns)
+        )
+        return Content(
+            self.image_stamps_ns[i],
+            self.images[i],
+            ImuBatch(self.imu.stamps_ns[k], self.imu.gyro[k], self.imu.accel[k]),
+            Trajectory(self.truth.stamps_ns[t], self.truth.T_world_imu[t]),
+        )
 
 
 def content(images: int = 6) -> Content:
@@ -273,13 +290,19 @@ def write_bag(
     image_topics: tuple[str, ...] = (IMAGE_TOPIC,),
     truth: str | None = "nav_msgs/msg/Odometry",
     truth_topics: tuple[str, ...] = (TRUTH_TOPIC,),
+    compression: tuple[str, ...] = (),
+    recorded_late_ns: Callable[[int], int] = lambda stamp: 2_000_000,
 ) -> Path:
-    """A bag of a kind: ``ros1``, ``sqlite3`` or ``mcap``; recorded 2 ms after the header's stamp.
+    """A bag of a kind: ``ros1``, ``sqlite3`` or ``mcap``.
 
     Parameters
     ----------
     images
         Encoding of raw images, or ``png`` or ``jpeg`` for compressed ones.
+    compression
+        ROS 1: the format; ROS 2: mode and format.
+    recorded_late_ns
+        How long after a header's stamp the message was recorded.
     """
     store = get_typestore(Stores.ROS1_NOETIC if kind == "ros1" else Stores.ROS2_HUMBLE)
     maker = _Messages(store, kind == "ros1")
@@ -303,14 +326,20 @@ def write_bag(
     writer: Any = (
         Writer1(path) if kind == "ros1" else Writer2(path, version=9, storage_plugin=plugin)
     )
+    if compression and kind == "ros1":
+        writer.set_compression(Writer1.CompressionFormat[compression[0]])
+    elif compression:
+        mode, name = compression
+        writer.set_compression(CompressionMode[mode], CompressionFormat[name])
     with writer:
         connections: dict[str, Any] = {}
-        for stamp, topic, message in sorted(rows, key=lambda row: row[0]):
+        late = ((stamp + recorded_late_ns(stamp), *rest) for stamp, *rest in rows)
+        for stamp, topic, message in sorted(late, key=lambda row: row[0]):
             name = message.__msgtype__
             if topic not in connections:
                 connections[topic] = writer.add_connection(topic, name, typestore=store)
             encode = store.serialize_ros1 if kind == "ros1" else store.serialize_cdr
-            writer.write(connections[topic], stamp + 2_000_000, encode(message, name))
+            writer.write(connections[topic], stamp, encode(message, name))
     return path
 
 

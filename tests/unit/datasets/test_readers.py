@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+import written_recordings
 from written_recordings import (
     LATITUDE,
     NOISE,
@@ -242,6 +244,103 @@ def test_bags(tmp_path: Path, made: Content, kind: str) -> None:
     if kind != "ros1":  # the storage file without its folder's metadata
         (file,) = (p for p in path.iterdir() if p.suffix in (".db3", ".mcap"))
         check(opened(file, calibration=calibration), made)
+
+
+@pytest.mark.parametrize(
+    ("kind", "compression"),
+    [
+        ("ros1", ("BZ2",)),
+        ("ros1", ("LZ4",)),
+        ("mcap", ("STORAGE", "ZSTD")),
+        ("sqlite3", ("MESSAGE", "ZSTD")),
+        ("sqlite3", ("FILE", "ZSTD")),
+    ],
+)
+def test_compressed_bags(
+    tmp_path: Path, made: Content, kind: str, compression: tuple[str, ...]
+) -> None:
+    path = tmp_path / ("run.bag" if kind == "ros1" else "run")
+    write_bag(path, made, kind=kind, compression=compression)
+    check(opened(path, calibration=str(write_chain(tmp_path / "calibration"))), made)
+
+
+def test_a_recording_in_parts(tmp_path: Path, made: Content) -> None:
+    late = made.image_stamps_ns[3] + 30_000_000
+    folder = tmp_path / "parts"
+    folder.mkdir()
+    for name, first, last in (("a", 0, late), ("b", late, late + 10**10)):
+        write_bag(folder / f"{name}.bag", made.between(first, last), kind="ros1")
+    calibration = str(write_chain(tmp_path / "calibration"))
+    sequence = opened(folder, calibration=calibration)
+    check(sequence, made)
+    assert sequence.name == "parts"
+
+
+def test_images_recorded_in_another_order_and_twice(tmp_path: Path, made: Content) -> None:
+    def late(stamp: int) -> int:
+        return 150_000_000 if stamp == made.image_stamps_ns[2] else 1_000_000
+
+    again = Content(
+        np.append(made.image_stamps_ns, made.image_stamps_ns[4]),
+        [*made.images, np.zeros((48, 64), np.uint8)],
+        made.imu,
+        made.truth,
+    )
+    path = write_bag(tmp_path / "run.bag", again, kind="ros1", recorded_late_ns=late)
+    sequence = opened(path, calibration=str(write_chain(tmp_path / "calibration")))
+    check(sequence, made)
+    assert kinds(sequence)[:2] == ["image_unsorted", "image_duplicates"]
+
+
+@pytest.fixture
+def large_images(monkeypatch: pytest.MonkeyPatch) -> tuple[int, int]:
+    """Height and width of what is written in this test."""
+    monkeypatch.setattr(written_recordings, "WIDTH", 320)
+    monkeypatch.setattr(written_recordings, "HEIGHT", 240)
+    return 240, 320
+
+
+@pytest.mark.parametrize("kind", ["ros1", "sqlite3", "mcap"])
+def test_a_long_bag_is_not_held(
+    tmp_path: Path, made: Content, kind: str, large_images: tuple[int, int]
+) -> None:
+    images = [np.full(large_images, k, np.uint8) for k in range(200)]
+    stamps = START_NS + 1_000_000 * np.arange(200, dtype=np.int64)
+    path = tmp_path / (f"{kind}.bag" if kind == "ros1" else kind)
+    write_bag(path, Content(stamps, images, made.imu, made.truth), kind=kind)
+    calibration = str(write_chain(tmp_path / "calibration", resolution=[320, 240]))
+    tracemalloc.start()
+    sequence = opened(path, calibration=calibration)
+    for k in range(200):
+        assert sequence.image(k)[7, 7] == k
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 5_000_000 < sum(image.nbytes for image in images) / 3
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize("kind", ["ros1", "mcap"])
+def test_a_shared_recording_as_a_bag(
+    tmp_path: Path, recordings: Path, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = opened(recordings / "euroc_mh01", duration_s=1.0)
+    assert before.truth is not None
+    images = [before.image(k) for k in range(len(before.image_stamps_ns))]
+    whole = Content(before.image_stamps_ns, images, before.imu, before.truth.trajectory)
+    path = tmp_path / ("run.bag" if kind == "ros1" else "run")
+    monkeypatch.setattr(written_recordings, "WIDTH", 752)
+    monkeypatch.setattr(written_recordings, "HEIGHT", 480)
+    write_bag(path, whole, kind=kind)
+    after = opened(path, calibration=str(recordings / "euroc_mh01"), truth_topic="/truth")
+    assert after.events == ()
+    np.testing.assert_array_equal(after.image_stamps_ns, before.image_stamps_ns)
+    np.testing.assert_array_equal(after.image(11), images[11])
+    np.testing.assert_array_equal(after.imu.accel, before.imu.accel)
+    assert after.calibration.camera == before.calibration.camera
+    assert after.truth is not None
+    np.testing.assert_allclose(
+        after.truth.trajectory.T_world_imu, before.truth.trajectory.T_world_imu, atol=1e-8
+    )
 
 
 @pytest.mark.parametrize("kind", ["ros1", "mcap"])
