@@ -114,6 +114,11 @@ def _calibration(folder: Path, T_vehicle_imu: FloatArray, config: DatasetConfig)
     if config.calibration is not None:
         given = load_calibration(Path(config.calibration).expanduser(), config.camera)
         return given if given.imu_noise is not None else replace(given, imu_noise=_NOISE)
+    if config.camera != "cam0":
+        raise DataError(
+            f"dataset.camera is {config.camera!r}, but of KAIST Urban only the left camera is "
+            "read: leave it at 'cam0'"
+        )
     path = folder / "calibration" / "left.yaml"
     data, where = read_yaml(path), str(path)
     fx, skew, cx, _, fy, cy, *_ = numbers(data, "camera_matrix", (9,), where)

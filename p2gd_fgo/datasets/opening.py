@@ -14,6 +14,13 @@ from p2gd_fgo.datasets.kitti_raw import is_kitti_raw, open_kitti_raw
 from p2gd_fgo.datasets.tum import is_tum, open_tum
 from p2gd_fgo.errors import DataError
 
+_FIELDS_OF = {
+    "image_topic": ("bag",),
+    "imu_topic": ("bag",),
+    "truth_topic": ("bag",),
+    "T_truth_imu": ("bag", "tum"),
+}
+
 
 def open_sequence(config: DatasetConfig, *, max_gap_s: float = 0.1) -> Sequence:
     """Open the recording that the configuration names.
@@ -33,6 +40,7 @@ def open_sequence(config: DatasetConfig, *, max_gap_s: float = 0.1) -> Sequence:
     """
     path = recording_path(config)
     name = recording_format(config)
+    _check_fields(config, name)
     if name == "bag":
         return open_bag(path, config, max_gap_s)
     if name == "kaist":
@@ -42,6 +50,16 @@ def open_sequence(config: DatasetConfig, *, max_gap_s: float = 0.1) -> Sequence:
     if name == "tum":
         return open_tum(path, config, max_gap_s)
     return open_asl(find_mav0(path, config.camera) or path, config, max_gap_s)
+
+
+def _check_fields(config: DatasetConfig, name: str) -> None:
+    """Refuse settings that this format would pass over in silence."""
+    for field, formats in _FIELDS_OF.items():
+        if getattr(config, field) is not None and name not in formats:
+            raise DataError(
+                f"dataset.{field} is set, but {config.path} is a recording of format '{name}' and "
+                f"the field is for {' and '.join(formats)}: leave it away"
+            )
 
 
 def recording_path(config: DatasetConfig) -> Path:

@@ -452,3 +452,19 @@ def test_tum_vi_with_its_calibration_beside(tmp_path: Path, made: Content) -> No
     assert type(sequence.calibration.camera).__name__ == "EquidistantCamera"
     assert sequence.truth is not None
     check_truth(sequence.truth.trajectory, made)
+
+
+def test_settings_of_another_format_are_refused(tmp_path: Path, made: Content) -> None:
+    folder = write_kaist_folder(tmp_path / "urban", made)
+    with pytest.raises(DataError, match=r"dataset\.imu_topic is set, but .* format 'kaist' and"):
+        opened(folder, imu_topic="/imu")
+    identity = tuple(tuple(row) for row in np.eye(4).tolist())
+    with pytest.raises(DataError, match=r"dataset\.T_truth_imu is set.* for bag and tum: leave"):
+        opened(folder, T_truth_imu=identity)
+    with pytest.raises(
+        DataError, match=r"dataset\.camera is 'cam1', but of KAIST Urban only the left"
+    ):
+        opened(folder, camera="cam1")
+    drive = write_kitti_folder(tmp_path / "day" / "drive", made)
+    with pytest.raises(DataError, match=r"dataset\.camera is 'cam7', but KITTI raw has cam0, cam1"):
+        opened(drive, camera="cam7", format="kitti_raw")
