@@ -1,4 +1,4 @@
-"""Trajectory files: TUM (read and write) and the poses of a EuRoC csv (read).
+"""Trajectory files: TUM (read and write); poses of a EuRoC or KAIST csv (read).
 
 Stamps go through decimal arithmetic in both directions: a float64 of seconds since 1970 resolves
 only 0.2 µs, and an image is found by its nanoseconds.
@@ -13,12 +13,14 @@ import numpy as np
 
 from p2gd_fgo.atomic_files import write_text
 from p2gd_fgo.datasets.csv_tables import Table, read_table
+from p2gd_fgo.datasets.poses import poses_from_matrices
 from p2gd_fgo.errors import DataError
 from p2gd_fgo.geometry import so3
 from p2gd_fgo.geometry.pose import from_rotation_translation
 from p2gd_fgo.types import NANOSECONDS, Trajectory
 
 _COLUMNS = 8
+_MATRIX_COLUMNS = 13
 _ZERO_QUATERNION = 1e-6
 
 
@@ -51,10 +53,10 @@ def read_tum(path: Path) -> Trajectory:
 
 
 def read_trajectory(path: Path) -> Trajectory:
-    """Read a trajectory, TUM or EuRoC csv: rows with commas are taken as EuRoC's.
+    """Read a trajectory: TUM, or with commas between its columns EuRoC csv or KAIST global_pose.
 
     EuRoC's rows are nanoseconds, position, quaternion with w first; columns behind these are not
-    read.
+    read. KAIST's are nanoseconds and the twelve numbers of a 3x4 matrix.
 
     Raises
     ------
@@ -63,6 +65,13 @@ def read_trajectory(path: Path) -> Trajectory:
     """
     text = _text(path)
     first = next((line for line in text.splitlines() if _is_row(line)), "")
+    if first.count(",") + 1 == _MATRIX_COLUMNS:
+        table = read_table(path, (_MATRIX_COLUMNS,))
+        T = poses_from_matrices(table)
+        _check_order(table)
+        # UTM coordinates would lose millimetres in the nine digits of a TUM file.
+        T[:, :3, 3] -= T[0, :3, 3]
+        return Trajectory(table.stamps_ns, T)
     if "," in first:
         return _trajectory(read_table(path, (_COLUMNS,)), w_first=True)
     return _trajectory(_tum_table(path, text), w_first=False)
@@ -135,6 +144,12 @@ def _trajectory(table: Table, *, w_first: bool) -> Trajectory:
         raise DataError(
             f"{table.where(int(np.argmax(zero)))}: the quaternion is zero, an orientation is needed"
         )
+    _check_order(table)
+    R = so3.from_quaternion(table.values[:, 3:7], w_first=w_first)
+    return Trajectory(table.stamps_ns, from_rotation_translation(R, table.values[:, :3]))
+
+
+def _check_order(table: Table) -> None:
     late = np.diff(table.stamps_ns) <= 0
     if late.any():
         row = int(np.argmax(late)) + 1
@@ -142,5 +157,3 @@ def _trajectory(table: Table, *, w_first: bool) -> Trajectory:
             f"{table.where(row)}: the stamp {table.stamps_ns[row]} ns doesn't come after "
             f"{table.stamps_ns[row - 1]} ns; sort the rows and drop duplicates"
         )
-    R = so3.from_quaternion(table.values[:, 3:7], w_first=w_first)
-    return Trajectory(table.stamps_ns, from_rotation_translation(R, table.values[:, :3]))

@@ -29,7 +29,7 @@ def simulate(
         int | None, typer.Option(help="Short for --set imu.seed=…: other noise, same images")
     ] = None,
     route: Annotated[
-        Path | None, typer.Option(help="Drive this TUM or EuRoC csv trajectory of the IMU.")
+        Path | None, typer.Option(help="Drive this trajectory: TUM, EuRoC csv, KAIST global_pose.")
     ] = None,
     settings: Annotated[
         list[str] | None,

@@ -87,7 +87,7 @@ class RouteScenario(Model):
     """A drive from the seed, or one that was recorded."""
 
     file: str | None = Field(
-        None, description="TUM or EuRoC csv with poses of the IMU; a relative path starts at the "
+        None, description="TUM, EuRoC csv or KAIST global_pose; a relative path starts at the "
         "scenario's file"
     )  # fmt: skip
     sha256: str | None = Field(None, description="of the file, written with the recording")

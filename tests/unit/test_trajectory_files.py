@@ -79,6 +79,18 @@ def test_euroc_csv_is_recognised_by_content(tmp_path: Path) -> None:
     np.testing.assert_allclose(trajectory.T_world_imu[1, :3, 3], [1, 2, 4])
 
 
+def test_kaist_poses_are_recognised_and_begin_at_zero(tmp_path: Path) -> None:
+    path = tmp_path / "global_pose.csv"
+    path.write_text(
+        "1544590798000000001,0,-1,0,332000.5,1,0,0,4140000.25,0,0,1,20\n"
+        "1544590798100000001,1,0,0,332001.5,0,1,0,4140002.25,0,0,1,20\n"
+    )
+    trajectory = read_trajectory(path)
+    assert trajectory.stamps_ns.tolist() == [1544590798000000001, 1544590798100000001]
+    np.testing.assert_allclose(trajectory.T_world_imu[0, :2, :2], [[0, -1], [1, 0]])
+    np.testing.assert_allclose(trajectory.T_world_imu[:, :3, 3], [[0, 0, 0], [1, 2, 0]])
+
+
 @pytest.mark.parametrize(
     ("rows", "said"),
     [
@@ -95,6 +107,8 @@ def test_euroc_csv_is_recognised_by_content(tmp_path: Path) -> None:
         ("1403636584763555527 1 2 3 0 0 0 1\n", "line 1: .*seconds, not nanoseconds"),
         ("1403636584763555527,1,2,3,0,0,0,0\n", "line 1: the quaternion is zero"),
         ("1403636584763555527,1,2\n", "line 1: 3 columns"),
+        ("2,1,0,0,1,0,1,0,1,0,0,2,1\n", "line 1: .*no rotation"),
+        ("2,1,0,0,1,0,1,0,1,0,0,1,1\n1,1,0,0,1,0,1,0,1,0,0,1,1\n", "line 2: .*doesn't come after"),
         ("2,1,2,3,0,0,0,1\n1,1,2,3,0,0,0,1\n", "line 2: .*doesn't come after"),
     ],
 )
