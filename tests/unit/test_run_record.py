@@ -87,7 +87,9 @@ def test_a_torn_last_line_is_left_out_but_not_one_in_the_middle(tmp_path: Path) 
 def test_of_one_key_the_last_line_counts(tmp_path: Path) -> None:
     path = tmp_path / "results.jsonl"
     again = replace(RECORD, status="crashed", reason="the process died")
-    path.write_text(f"{RECORD.to_json()}\n{replace(RECORD, key='9').to_json()}\n{again.to_json()}\n")
+    path.write_text(
+        f"{RECORD.to_json()}\n{replace(RECORD, key='9').to_json()}\n{again.to_json()}\n"
+    )
     assert [(r.key, r.status) for r in read_records(path)] == [("9", "done"), ("0123", "crashed")]
 
 
