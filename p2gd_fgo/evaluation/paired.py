@@ -144,6 +144,7 @@ def compare_pairs(
     b: FloatArray,
     route: Sequence[object],
     *,
+    group: Sequence[object] | None = None,
     lower_is_better: bool | None = True,
     level: float = 0.95,
     draws: int = 2000,
@@ -159,6 +160,8 @@ def compare_pairs(
         (N,) a measure of the two runs of each pair; NaN where the run failed or doesn't count.
     route
         N labels; runs on one route are not independent.
+    group
+        N labels; the worst value for a run without one is that of its group. Default: one group.
     lower_is_better
         Of the measure; None where neither way is.
     level, draws, seed
@@ -195,7 +198,7 @@ def compare_pairs(
         effects=effects,
         penalised=effects
         if whole.all()
-        else _effects(_penalised(a, b, labels, lower_is_better), options),
+        else _effects(_penalised(a, b, labels, group, lower_is_better), options),
         p_value=_wilcoxon(sorted_pairs),
         better_share=_better_share(a, b, lower_is_better),
         spread=found,
@@ -225,14 +228,25 @@ def _side(
 
 
 def _penalised(
-    a: FloatArray, b: FloatArray, labels: Any, lower_is_better: bool | None
+    a: FloatArray,
+    b: FloatArray,
+    labels: Any,
+    group: Sequence[object] | None,
+    lower_is_better: bool | None,
 ) -> PairsByRoute | None:
-    known = np.concatenate([a[np.isfinite(a)], b[np.isfinite(b)]])
-    if lower_is_better is None or not len(known):
+    """All pairs, with the worst value of the group where there is none; None where none has one."""
+    if lower_is_better is None:
         return None
-    worst = float(known.max() if lower_is_better else known.min())
-    filled_a, filled_b = (np.where(np.isfinite(side), side, worst) for side in (a, b))
-    return by_route(filled_a, filled_b, labels)
+    names = np.array([""] * len(a) if group is None else [str(name) for name in group])
+    filled = np.stack([a, b])
+    for name in set(names.tolist()):
+        here = filled[:, names == name]
+        known = here[np.isfinite(here)]
+        if not len(known):
+            return None
+        worst = known.max() if lower_is_better else known.min()
+        filled[:, names == name] = np.where(np.isfinite(here), here, worst)
+    return by_route(filled[0], filled[1], labels)
 
 
 def _better_share(a: FloatArray, b: FloatArray, lower_is_better: bool | None) -> float | None:
