@@ -114,6 +114,11 @@ def strapdown(state: NavState, pieces: ImuIncrements, gravity: float) -> Strapdo
     return StrapdownPath(R, v, p)
 
 
+def duration_s(imu: ImuBatch) -> float:
+    """From the first sample to the last."""
+    return float(imu.stamps_ns[-1] - imu.stamps_ns[0]) / NANOSECONDS
+
+
 def integrate(state: NavState, imu: ImuBatch, gravity: float) -> NavState:
     """The state at the last sample, from ``state`` at the first (:func:`strapdown`)."""
     path = strapdown(state, increments(imu), gravity)

@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
 
+from p2gd_fgo.datasets.base import ImuNoise
 from p2gd_fgo.errors import EstimatorError
-from p2gd_fgo.types import Estimate, FloatArray, ImuBatch, NavState, Observations, Trajectory
+from p2gd_fgo.types import (
+    NANOSECONDS,
+    Estimate,
+    FloatArray,
+    ImuBatch,
+    NavState,
+    Observations,
+    Trajectory,
+)
 
 _MAX_SPEED = 100.0  # m/s; nothing that carries a camera on wheels or rotors goes faster
 _MAX_ACCEL_BIAS = 5.0  # m/s²
@@ -68,6 +78,29 @@ def check_sane(estimate: Estimate) -> None:
                 state.stamp_ns,
                 f"the estimated {name} is {size:.3g} {unit}, beyond {limit:g}: diverged",
             )
+
+
+def with_steady_bias(imu: ImuBatch, state: NavState, noise: ImuNoise) -> ImuBatch:
+    """The samples as if Gauss-Markov biases stayed as they are in ``state``, at the first sample.
+
+    What an estimated bias loses until a sample is known beforehand. With it taken out, biases are
+    constant from image to image, and decay at the images; what a bias' error loses on the way is
+    smaller than the bias' own noise by orders of magnitude.
+    """
+    if noise.biases_walk:
+        return imu
+    since_s = (imu.stamps_ns - imu.stamps_ns[0])[:, None] / NANOSECONDS
+    return ImuBatch(
+        imu.stamps_ns,
+        imu.gyro - np.expm1(-since_s / noise.gyro_correlation_s) * state.gyro_bias,
+        imu.accel - np.expm1(-since_s / noise.accel_correlation_s) * state.accel_bias,
+    )
+
+
+def with_decayed_bias(state: NavState, noise: ImuNoise, duration_s: float) -> NavState:
+    """The state with what Gauss-Markov biases keep after ``duration_s``."""
+    gyro, accel = noise.bias_decay(duration_s)
+    return replace(state, gyro_bias=gyro * state.gyro_bias, accel_bias=accel * state.accel_bias)
 
 
 def recent_poses(estimate: Estimate | None, predicted: NavState | None) -> Trajectory:

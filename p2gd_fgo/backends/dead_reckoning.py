@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from p2gd_fgo.backends.base import with_decayed_bias, with_steady_bias
 from p2gd_fgo.datasets.base import ImuNoise
 from p2gd_fgo.geometry.so3 import hat
-from p2gd_fgo.imu import increments, integrate, strapdown
+from p2gd_fgo.imu import duration_s, increments, integrate, strapdown
 from p2gd_fgo.types import (
     ERROR_DIM,
     Estimate,
@@ -32,9 +33,12 @@ class DeadReckoning:
 
     def propagate(self, imu: ImuBatch) -> NavState:
         """Integrate the samples, and the covariance to first order sample by sample."""
+        imu = with_steady_bias(imu, self._state, self._noise)
         F, Q = self._error_dynamics(imu)
         self._covariance = F @ self._covariance @ F.T + Q
-        self._state = integrate(self._state, imu, self._gravity)
+        self._state = with_decayed_bias(
+            integrate(self._state, imu, self._gravity), self._noise, duration_s(imu)
+        )
         return self._state
 
     def update(self, observations: Observations, stationary: bool) -> Estimate:
@@ -77,4 +81,5 @@ class DeadReckoning:
             A[6:9, 12:15] = -R * dt
             F = A @ F
             Q = A @ Q @ A.T + np.diag(densities**2 * dt)
-        return F, Q
+        left = np.repeat([1.0, 1.0, 1.0, *n.bias_decay(float(pieces.dt_s.sum()))], 3)
+        return left[:, None] * F, Q * np.outer(left, left)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from p2gd_fgo.backends.base import Backend
 from p2gd_fgo.backends.dead_reckoning import DeadReckoning
 from p2gd_fgo.backends.msckf import Msckf
@@ -29,7 +31,7 @@ def make_backend(config: Config, calibration: Calibration, timer: StageTimer) ->
 
 
 def imu_noise(config: Config, calibration: Calibration) -> ImuNoise:
-    """The densities of the configuration, else of the recording, with the inflation factor.
+    """Noise by the configuration, else by the recording, with the inflation factor.
 
     Raises
     ------
@@ -49,4 +51,5 @@ def imu_noise(config: Config, calibration: Calibration) -> ImuNoise:
                 f"imu.{name} is not known: the recording's calibration does not give it, so set it"
             )
         values.append(value * config.imu.inflation)
-    return ImuNoise(*values)
+    times = (config.imu.gyro_correlation_s, config.imu.accel_correlation_s)
+    return ImuNoise(*values, *(math.inf if time is None else time for time in times))

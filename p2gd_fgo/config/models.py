@@ -51,6 +51,12 @@ class ImuConfig(Model):
         None, description="m/s³/sqrt(Hz); null: the recording's calibration"
     )
     inflation: Positive = Field(1.0, description="factor on all four densities")
+    gyro_correlation_s: Positive | None = Field(
+        None,
+        description="the bias is a first-order Gauss-Markov process of this time constant, driven "
+        "by the random walk's density; null: a random walk",
+    )
+    accel_correlation_s: Positive | None = Field(None, description="as gyro_correlation_s")
     gravity: Positive = Field(9.81, description="m/s², the world's z axis points up")
     latitude_deg: Annotated[float, Field(ge=-90, le=90)] | None = Field(
         None, description="take the Earth's rotation out, felt at this latitude; null: leave it in"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -23,12 +24,29 @@ class ImuNoise:
         m/s²/√Hz.
     accel_random_walk
         m/s³/√Hz, of the bias.
+    gyro_correlation_s, accel_correlation_s
+        Time constant of a first-order Gauss-Markov bias, which is pulled back to zero; infinite: a
+        random walk.
     """
 
     gyro_noise_density: float
     gyro_random_walk: float
     accel_noise_density: float
     accel_random_walk: float
+    gyro_correlation_s: float = math.inf
+    accel_correlation_s: float = math.inf
+
+    @property
+    def biases_walk(self) -> bool:
+        """Whether neither bias is pulled back."""
+        return math.isinf(self.gyro_correlation_s) and math.isinf(self.accel_correlation_s)
+
+    def bias_decay(self, duration_s: float) -> tuple[float, float]:
+        """Share of the gyro's and of the accelerometer's bias that is left after ``duration_s``."""
+        return (
+            math.exp(-duration_s / self.gyro_correlation_s),
+            math.exp(-duration_s / self.accel_correlation_s),
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

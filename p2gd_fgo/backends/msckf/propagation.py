@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from p2gd_fgo.backends.base import with_decayed_bias, with_steady_bias
 from p2gd_fgo.backends.msckf.state import FilterState
 from p2gd_fgo.datasets.base import ImuNoise
 from p2gd_fgo.geometry import so3
@@ -29,18 +30,19 @@ def propagate(
 ) -> FilterState:
     """The state at the end of ``imu``, with one image more in the window."""
     start = state.newest()
-    pieces = increments(imu)
+    pieces = increments(with_steady_bias(imu, start, noise))
     path = strapdown(start, pieces, gravity)
     integrals = _integrate(
         path, pieces.dt_s, pieces.gyro - start.gyro_bias, pieces.accel - start.accel_bias, gravity
     )
-    predicted = NavState(
+    moved = NavState(
         int(imu.stamps_ns[-1]),
         from_rotation_translation(so3.from_quaternion(so3.to_quaternion(path.R[-1])), path.p[-1]),
         path.v[-1],
         start.gyro_bias,
         start.accel_bias,
     )
+    predicted = with_decayed_bias(moved, noise, float(integrals.t[-1]))
     to_end = transitions(path.R, integrals)
     Phi = with_first_estimates(
         to_end[0],
@@ -50,7 +52,9 @@ def propagate(
         float(integrals.t[-1]),
         gravity,
     )
-    return state.propagated(predicted, Phi, process_noise(to_end, pieces.dt_s, noise))
+    left = np.repeat([1.0, 1.0, 1.0, *noise.bias_decay(float(integrals.t[-1]))], 3)
+    Q = process_noise(to_end, pieces.dt_s, noise)
+    return state.propagated(predicted, left[:, None] * Phi, Q * np.outer(left, left))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -124,8 +124,8 @@ class FilterState:
             (*self.stamps_ns, predicted.stamp_ns),
             _with(self.poses, T[:3, :3], T[:3, 3]),
             predicted.velocity,
-            self.gyro_bias,
-            self.accel_bias,
+            predicted.gyro_bias,
+            predicted.accel_bias,
             _with(
                 self.first_poses,
                 T[:3, :3],

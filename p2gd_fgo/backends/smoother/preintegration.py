@@ -8,7 +8,7 @@ from gtsam.symbol_shorthand import B, V, X
 
 from p2gd_fgo.datasets.base import ImuNoise
 from p2gd_fgo.geometry import so3
-from p2gd_fgo.imu import increments
+from p2gd_fgo.imu import ImuIncrements, increments
 from p2gd_fgo.types import FloatArray, ImuBatch
 
 # Position error of the integration itself; GTSAM wants it positive definite.
@@ -19,7 +19,8 @@ class Preintegrator:
     """Makes the factor between two images.
 
     The whole 15-dimensional noise is in ``CombinedImuFactor``; all covariances of its parameters
-    default to the identity in GTSAM, so every one is set here.
+    default to the identity in GTSAM, so every one is set here. It knows biases that walk; those
+    that are pulled back to zero have a linear factor of their own, beside the ``ImuFactor``.
     """
 
     def __init__(self, noise: ImuNoise, gravity: float) -> None:
@@ -30,12 +31,12 @@ class Preintegrator:
         params.setBiasOmegaCovariance(eye * noise.gyro_random_walk**2)
         params.setBiasAccCovariance(eye * noise.accel_random_walk**2)
         params.setIntegrationCovariance(eye * _INTEGRATION_DENSITY**2)
-        self._params = params
+        self._params, self._noise = params, noise
 
-    def factor(
+    def factors(
         self, imu: ImuBatch, bias: FloatArray, frame_i: int, frame_j: int
-    ) -> gtsam.CombinedImuFactor:
-        """The factor from frame i to frame j.
+    ) -> list[gtsam.NonlinearFactor]:
+        """The factors from frame i to frame j.
 
         Parameters
         ----------
@@ -50,10 +51,49 @@ class Preintegrator:
         phi = (pieces.gyro - bias[3:]) * pieces.dt_s[:, None]
         turn = so3.right_jacobian(-phi)
         accel = (turn @ (pieces.accel - bias[:3])[..., None])[..., 0] + bias[:3]
-        measured = gtsam.PreintegratedCombinedMeasurements(
-            self._params, gtsam.imuBias.ConstantBias(bias[:3], bias[3:])
-        )
-        for a, w, dt in zip(accel, pieces.gyro, pieces.dt_s, strict=True):
-            measured.integrateMeasurement(a, w, float(dt))
+        point = gtsam.imuBias.ConstantBias(bias[:3], bias[3:])
         i, j = frame_i, frame_j
-        return gtsam.CombinedImuFactor(X(i), V(i), X(j), V(j), B(i), B(j), measured)
+        if self._noise.biases_walk:
+            combined = gtsam.PreintegratedCombinedMeasurements(self._params, point)
+            _integrate(combined, accel, pieces)
+            return [gtsam.CombinedImuFactor(X(i), V(i), X(j), V(j), B(i), B(j), combined)]
+        motion = gtsam.PreintegratedImuMeasurements(self._params, point)
+        _integrate(motion, accel, pieces)
+        return [
+            gtsam.ImuFactor(X(i), V(i), X(j), V(j), B(i), motion),
+            self._decay(float(pieces.dt_s.sum()), i, j),
+        ]
+
+    def _decay(self, duration_s: float, i: int, j: int) -> gtsam.NonlinearFactor:
+        """b_j = exp(-t / τ) b_i + noise, exact over the interval."""
+        n = self._noise
+        gyro, accel = n.bias_decay(duration_s)
+        left = np.repeat([accel, gyro], 3)
+        sigmas = np.repeat(
+            [n.accel_random_walk * np.sqrt(_driven_s(duration_s, n.accel_correlation_s)),
+             n.gyro_random_walk * np.sqrt(_driven_s(duration_s, n.gyro_correlation_s))], 3
+        )  # fmt: skip
+        linear = gtsam.JacobianFactor(
+            B(i), -np.diag(left), B(j), np.eye(6), np.zeros(6),
+            gtsam.noiseModel.Diagonal.Sigmas(sigmas),
+        )  # fmt: skip
+        at_zero = gtsam.Values()
+        for key in (B(i), B(j)):
+            at_zero.insert(key, constant_bias=gtsam.imuBias.ConstantBias())
+        return gtsam.LinearContainerFactor(linear, at_zero)
+
+
+def _integrate(
+    measured: gtsam.PreintegratedCombinedMeasurements | gtsam.PreintegratedImuMeasurements,
+    accel: FloatArray,
+    pieces: ImuIncrements,
+) -> None:
+    for a, w, dt in zip(accel, pieces.gyro, pieces.dt_s, strict=True):
+        measured.integrateMeasurement(a, w, float(dt))
+
+
+def _driven_s(duration_s: float, correlation_s: float) -> float:
+    """Time over which a walk gathers the variance that the process gathers in ``duration_s``."""
+    if np.isinf(correlation_s):
+        return duration_s
+    return float(-0.5 * correlation_s * np.expm1(-2.0 * duration_s / correlation_s))

@@ -10,6 +10,7 @@ from gtsam.symbol_shorthand import V, X
 from numpy.linalg import LinAlgError
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 
+from p2gd_fgo.backends.base import with_decayed_bias, with_steady_bias
 from p2gd_fgo.backends.smoother.marginalization import Prior, marginalize_oldest
 from p2gd_fgo.backends.smoother.preintegration import Preintegrator
 from p2gd_fgo.backends.smoother.tracks import Track, TrackFactors
@@ -22,7 +23,7 @@ from p2gd_fgo.config import BackendConfig
 from p2gd_fgo.datasets.base import Calibration, ImuNoise
 from p2gd_fgo.errors import EstimatorError
 from p2gd_fgo.geometry.pose import from_rotation_translation
-from p2gd_fgo.imu import integrate
+from p2gd_fgo.imu import duration_s, integrate
 from p2gd_fgo.timing import StageTimer
 from p2gd_fgo.types import (
     ERROR_DIM,
@@ -64,7 +65,7 @@ class Smoother:
     ) -> None:
         self._size = config.window
         self._config = config.smoother
-        self._gravity = gravity
+        self._noise, self._gravity = noise, gravity
         self._timer = timer or StageTimer()
         self._preintegrator = Preintegrator(noise, gravity)
         self._tracks = TrackFactors(
@@ -87,7 +88,11 @@ class Smoother:
 
     def propagate(self, imu: ImuBatch) -> NavState:
         """Predict the next image's state and keep the samples for its factor."""
-        predicted = integrate(self._states.newest(), imu, self._gravity)
+        newest = self._states.newest()
+        imu = with_steady_bias(imu, newest, self._noise)
+        predicted = with_decayed_bias(
+            integrate(newest, imu, self._gravity), self._noise, duration_s(imu)
+        )
         self._next = imu, predicted
         return predicted
 
@@ -137,7 +142,7 @@ class Smoother:
 
     def _append_state(self, imu: ImuBatch, predicted: NavState) -> None:
         i, j = self._frame, self._frame + 1
-        self._motion[i] = [self._preintegrator.factor(imu, self._states.bias[-1], i, j)]
+        self._motion[i] = self._preintegrator.factors(imu, self._states.bias[-1], i, j)
         self._frame = j
         self._states = self._states.append(j, predicted)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gtsam
 import numpy as np
 import pytest
 
@@ -34,7 +35,8 @@ def start(stamp_ns: int) -> NavState:
 def residual(imu: ImuBatch, first: NavState, second: NavState) -> FloatArray:
     """Rotation, position and velocity part of the factor's error between two states."""
     states = WindowStates.empty().append(0, first).append(1, second)
-    factor = Preintegrator(MEMS_NOISE, GRAVITY).factor(imu, BIAS, 0, 1)
+    (factor,) = Preintegrator(MEMS_NOISE, GRAVITY).factors(imu, BIAS, 0, 1)
+    assert isinstance(factor, gtsam.CombinedImuFactor)
     return np.asarray(factor.unwhitenedError(states.values(np.zeros(3))))[:9]
 
 
@@ -63,7 +65,8 @@ def test_noise_is_that_of_the_error_dynamics() -> None:
     reckoning.propagate(imu)
     none = Observations(0, np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 2)))
     expected = window_covariance(reckoning.update(none, False).covariance, np.eye(3))
-    measured = Preintegrator(MEMS_NOISE, GRAVITY).factor(imu, BIAS, 0, 1)
+    (measured,) = Preintegrator(MEMS_NOISE, GRAVITY).factors(imu, BIAS, 0, 1)
+    assert isinstance(measured, gtsam.CombinedImuFactor)
     covariance = np.asarray(measured.preintegratedMeasurements().preintMeasCov())
     scale = np.sqrt(np.outer(np.diagonal(expected), np.diagonal(expected)))
     np.testing.assert_allclose(covariance / scale, expected / scale, atol=0.06)

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import fields
+
 import numpy as np
 import pytest
 
@@ -16,6 +18,7 @@ from p2gd_fgo.types import BoolArray, FloatArray
 
 SIGMA = 1.0 / 700.0
 NOISE = ImuNoise(1.7e-4, 1e-5, 5.9e-3, 1e-4)
+DENSITIES = [field.name for field in fields(ImuNoise)][:4]
 FORWARD = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])  # camera looks along x
 
 
@@ -178,12 +181,12 @@ def test_a_camera_at_rest_learns_two_directions_from_a_point() -> None:
 @pytest.mark.parametrize(
     "louder",
     [{}, *({name: 0.1} for name in ("velocity", "tilt", "gyro_bias", "accel_bias"))]
-    + [{name: 0.1} for name in ImuNoise.__annotations__],
+    + [{name: 0.1} for name in DENSITIES],
     ids=lambda louder: next(iter(louder), "all"),
 )
 def test_imu_information_is_the_integrated_covariance(louder: dict[str, float]) -> None:
     """Against the covariance of the error state carried forward in small steps."""
-    quiet = dict.fromkeys(ImuNoise.__annotations__, 1e-3)
+    quiet = dict.fromkeys(DENSITIES, 1e-3)
     noise = ImuNoise(**{name: louder.get(name, value) for name, value in quiet.items()})
     quiet = dict.fromkeys(("velocity", "tilt", "gyro_bias", "accel_bias"), 1e-3)
     start = StartUncertainty(**{name: louder.get(name, value) for name, value in quiet.items()})
