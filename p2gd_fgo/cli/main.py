@@ -14,6 +14,7 @@ from p2gd_fgo import __version__
 from p2gd_fgo.cli import config as config_commands
 from p2gd_fgo.cli.compare import compare
 from p2gd_fgo.cli.evaluate import evaluate
+from p2gd_fgo.cli.explain import explain
 from p2gd_fgo.cli.run import demo, run
 from p2gd_fgo.cli.simulate import simulate
 from p2gd_fgo.errors import P2gdError
@@ -28,6 +29,7 @@ app = typer.Typer(
 app.command()(run)
 app.command()(demo)
 app.command()(compare)
+app.command()(explain)
 app.command()(evaluate)
 app.command()(simulate)
 app.add_typer(config_commands.app, name="config")

@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 
 from p2gd_fgo.errors import ConfigError
+from p2gd_fgo.evaluation.episodes import SegmentPair, pair_segments
 from p2gd_fgo.evaluation.measures import Measure
 from p2gd_fgo.evaluation.paired import Comparison, compare_pairs
+from p2gd_fgo.evaluation.segments import Segment
 from p2gd_fgo.run_record import Label, RunRecord
 
 Choice = Mapping[str, Label]
@@ -161,6 +163,22 @@ def compare_records(
         next(iter(groups.values())) if len(groups) == 1 else _compare(found.pairs, measure, options)
     )
     return Contrast(measure, a, b, groups, overall, found.alone_a, found.alone_b)
+
+
+def segment_pairs(found: RecordPairs) -> tuple[SegmentPair, ...]:
+    """The pieces of the way of all pairs whose two records hold them, for :func:`compare_episodes`.
+
+    Raises
+    ------
+    DataError
+        As :func:`pair_segments`, or a row of segments that can't be read.
+    """
+    out: list[SegmentPair] = []
+    for x, y in found.pairs:
+        if x.segments is not None and y.segments is not None:
+            a, b = ([Segment.from_json(row) for row in rows] for rows in (x.segments, y.segments))
+            out += pair_segments(a, b, f"{x.group}/{x.route}")
+    return tuple(out)
 
 
 def _compare(

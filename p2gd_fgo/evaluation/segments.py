@@ -36,7 +36,8 @@ class Segment:
     index
         Its number on the truth's path; the same piece of the same way in every run.
     start_m, length_m
-        On the truth's path.
+        On the truth's path; the length from the first pose beyond the beginning to the first one
+        beyond the end, which is what the errors are of.
     start_s, duration_s
         Since the truth's first pose.
     still_share
@@ -152,6 +153,7 @@ def segments(
     first = np.searchsorted(stamps, edges_ns)
     near = np.abs(stamps[np.minimum(first, len(stamps) - 1)] - edges_ns)
     first = np.minimum(first, len(stamps) - 1)
+    covered_m = np.interp(stamps[first], way.stamps_ns, way.distance_m)
     reached = near <= MAX_TRUTH_GAP_S * NANOSECONDS
     motion = inverse(common.estimate[first[:-1]]) @ common.estimate[first[1:]]
     true_motion = inverse(common.reference[first[:-1]]) @ common.reference[first[1:]]
@@ -163,7 +165,7 @@ def segments(
     frame_stamps, columns = frames or (np.zeros(0, np.int64), {})
     found = []
     for k in np.flatnonzero(reached[:-1] & reached[1:] & (first[1:] > first[:-1])).tolist():
-        length = float(edges_m[k + 1] - edges_m[k])
+        length = float(covered_m[k + 1] - covered_m[k])
         begin, end = int(first[k]), int(first[k + 1])
         within = squared[begin : end + (k == len(edges_m) - 2)]
         far_apart = true_chord[k] >= _LEAST_CHORD * length
