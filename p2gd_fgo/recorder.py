@@ -108,6 +108,7 @@ class Recorder:
         self._asked: list[int] = []
         self._outliers: list[int] = []
         self._gated: list[int] = []
+        self._gated_so_far = 0
         self._problems: list[tuple[int, PriorProblem | None]] = []
 
     def add(
@@ -129,7 +130,9 @@ class Recorder:
         self._asked.append(odometry.decision.selection.asked)
         self._outliers.append(odometry.tracked.lost_outlier)
         fates = odometry.counts
-        self._gated.append(sum(fates.get(name, 0) for name in _GATED) - sum(self._gated))
+        gated = sum(fates.get(name, 0) for name in _GATED)
+        self._gated.append(gated - self._gated_so_far)
+        self._gated_so_far = gated
         self._problems.append((odometry.observations.stamp_ns, odometry.decision.problem))
 
     @property

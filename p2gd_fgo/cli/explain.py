@@ -115,14 +115,13 @@ def _runs(a: Path, b: Path) -> list[tuple[Path, Path]]:
 
 
 def _moving(config: Config, masks: str | None) -> tuple[IntArray, FloatArray] | None:
-    from p2gd_fgo.evaluation.run_segments import MASKS, moving_objects
+    from p2gd_fgo.evaluation.run_segments import has_masks, moving_objects
 
     if masks == "none":
         return None
     if masks is not None:
         return moving_objects(config, masks)
-    there = (Path(config.dataset.path or "") / MASKS).is_dir()
-    return moving_objects(config) if there else None
+    return moving_objects(config) if has_masks(config) else None
 
 
 def _said(found: list[tuple[IntArray, FloatArray] | None]) -> str:

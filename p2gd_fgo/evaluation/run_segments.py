@@ -59,6 +59,11 @@ def run_segments(
     )
 
 
+def has_masks(config: Config) -> bool:
+    """Whether the recording has masks where a rendered one has them."""
+    return config.dataset.path is not None and Path(config.dataset.path, MASKS).is_dir()
+
+
 def moving_objects(
     config: Config, masks: str = MASKS, *, every: int = _EVERY
 ) -> tuple[IntArray, FloatArray]:

@@ -21,6 +21,7 @@ LENGTH_M = 10.0
 _STEP_S = 0.5  # over which speed, turn and acceleration of the truth are taken
 _STILL_M_S = 0.05
 _PATH_STEP_S = 0.1  # the truth's own rate would add its noise to the path
+_NEAR = 0.05
 _LEAST_CHORD = 0.5  # of the path; below it the ends lie too near for a scale
 
 PerImage = tuple[IntArray, Mapping[str, FloatArray]]
@@ -81,12 +82,9 @@ class Segment:
     measures: Mapping[str, float] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data in one level, ``measures`` with their own names; NaN is None."""
+        """Plain data in one level, ``measures`` with their own names; 6 digits, NaN is None."""
         own = {name: getattr(self, name) for name in _OWN}
-        return {
-            name: None if isinstance(value, float) and math.isnan(value) else value
-            for name, value in (own | dict(self.measures)).items()
-        }
+        return {name: _plain(value) for name, value in (own | dict(self.measures)).items()}
 
     @classmethod
     def from_json(cls, row: Mapping[str, Any]) -> Segment:
@@ -103,6 +101,12 @@ class Segment:
         except (KeyError, TypeError, ValueError) as error:
             raise DataError(f"a row of segments can't be read: {error}") from None
         return cls(**(own | {"index": int(own["index"])}), measures=values)  # type: ignore[arg-type]
+
+
+def _plain(value: float) -> float | None:
+    if isinstance(value, int):
+        return value
+    return None if math.isnan(value) else float(f"{value:.6g}")
 
 
 _OWN = tuple(name for name in Segment.__dataclass_fields__ if name != "measures")
@@ -139,7 +143,8 @@ def segments(
     Returns
     -------
     tuple
-        The pieces that the estimate covers from end to end: it has poses within 0.5 s of both.
+        The pieces that the estimate covers from end to end: to either end it has a pose within
+        0.5 s, or within 5 % of the length along the path (it may have stood there before).
 
     Raises
     ------
@@ -154,7 +159,9 @@ def segments(
     near = np.abs(stamps[np.minimum(first, len(stamps) - 1)] - edges_ns)
     first = np.minimum(first, len(stamps) - 1)
     covered_m = np.interp(stamps[first], way.stamps_ns, way.distance_m)
-    reached = near <= MAX_TRUTH_GAP_S * NANOSECONDS
+    reached = (near <= MAX_TRUTH_GAP_S * NANOSECONDS) | (
+        np.abs(covered_m - edges_m) <= _NEAR * length_m
+    )
     motion = inverse(common.estimate[first[:-1]]) @ common.estimate[first[1:]]
     true_motion = inverse(common.reference[first[:-1]]) @ common.reference[first[1:]]
     errors = inverse(true_motion) @ motion

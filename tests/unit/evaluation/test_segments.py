@@ -119,6 +119,17 @@ def test_a_run_that_starts_late_and_stops_early_has_the_same_pieces() -> None:
         pair_segments(part, segments(truth, truth, length_m=5.0), "r")
 
 
+def test_who_starts_after_standing_has_the_first_piece() -> None:
+    truth = way()
+    still = np.repeat(truth.T_world_imu[:1], 40, axis=0)
+    stamps = np.arange(len(truth) + 40) * 100_000_000
+    longer = Trajectory(stamps, np.concatenate([still, truth.T_world_imu]))
+    late = Trajectory(stamps[30:], longer.T_world_imu[30:])
+    assert [piece.index for piece in segments(late, longer)] == list(range(9))
+    moving = Trajectory(stamps[46:], longer.T_world_imu[46:])
+    assert [piece.index for piece in segments(moving, longer)] == list(range(1, 9))
+
+
 def columns(truth: Trajectory) -> tuple[IntArray, dict[str, FloatArray]]:
     number = np.arange(len(truth.stamps_ns), dtype=np.float64)
     return truth.stamps_ns, {"features": number, "gated": np.full(len(number), np.nan)}
