@@ -67,7 +67,7 @@ class VehicleScenario(Model):
     turn_share: Share = Field(0.55, description="share of the crossings where it turns")
     lane_changes: Share = Field(0.3, description="share of the blocks with a change of lane")
     standstill_s: NonNegative = Field(2.0, description="before the drive")
-    stop_every_m: Positive | None = Field(None, description="m, mean way between stops")
+    stop_every_m: float | None = Field(None, ge=1.0, description="m, mean way between stops")
     stop_s: tuple[Positive, Positive] = Field((2.0, 6.0), description="length of the stops")
     sway: NonNegative = Field(1.0, le=5.0, description="factor on roll, pitch and heave")
     imu_height_m: Positive = Field(1.7, le=10.0, description="m, over the ground")

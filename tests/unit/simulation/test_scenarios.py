@@ -43,6 +43,7 @@ def test_a_preset_is_read_and_written(name: str, tmp_path: Path) -> None:
         ("camera: {center: [900, 900]}", r"center \(900.0, 900.0\) lies outside"),
         ("camera: {rate_hz: 30}", r"imu\.rate_hz 100 is no multiple of camera\.rate_hz 30"),
         ("duration_s: 0.1", r"holds less than two images"),
+        ("vehicle: {stop_every_m: 1.0e-9}", r"vehicle\.stop_every_m is 1e-09"),
         ("world: {kind: moon}", r"world\.kind is 'moon'"),
         ("world: {block_m: [90, 60]}", r"runs from long to short"),
         ("imu: {gyro_noise: 1}", r"unknown key 'imu\.gyro_noise': did you mean 'gyro_noise_den"),
