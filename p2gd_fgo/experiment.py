@@ -14,6 +14,7 @@ from p2gd_fgo.datasets import Sequence, open_sequence
 from p2gd_fgo.errors import ConfigError, DataError
 from p2gd_fgo.evaluation.evaluate import ErrorSeries, error_series, evaluate
 from p2gd_fgo.evaluation.evo_bridge import write_result
+from p2gd_fgo.evaluation.frame_measures import frame_measures
 from p2gd_fgo.evaluation.metrics import Metrics
 from p2gd_fgo.evaluation.tracking_quality import (
     TrackingQuality,
@@ -28,7 +29,7 @@ from p2gd_fgo.report.frame_capture import FrameCapture, Observers
 from p2gd_fgo.report.image_figures import write_image_figures
 from p2gd_fgo.report.summaries import StageTime, summarize_timing
 from p2gd_fgo.run_directory import EVO_RESULT, FIGURE, RunDirectory, check_free
-from p2gd_fgo.types import NANOSECONDS, Estimate, Event, Image, Trajectory, Waiting
+from p2gd_fgo.types import NANOSECONDS, Estimate, Event, FloatArray, Image, Trajectory, Waiting
 
 _ALWAYS_DETERMINED = "yaw_pos"
 _FRONTEND_SHOWN = ("tracker", "equalize", "continue_consumed")
@@ -128,6 +129,7 @@ def run_experiment(
         directory.write_trajectory("truth.tum", truth)
     directory.write_timing(result.timing_stamps_ns, result.timing)
     directory.write_tracks(result.tracks)
+    directory.write_frames(result.tracks.stamps_ns, _frames(sequence, result, truth))
     directory.write_events(events)
     directory.write_metrics(
         metrics.to_json()
@@ -230,6 +232,13 @@ def _tracking(sequence: Sequence, result: RunResult, truth: Trajectory | None) -
     T_imu_cam = sequence.calibration.T_imu_cam
     rotations = camera_rotations(record.stamps_ns, truth, estimate, T_imu_cam)
     return tracking_quality(record, rotations)
+
+
+def _frames(
+    sequence: Sequence, result: RunResult, truth: Trajectory | None
+) -> dict[str, FloatArray]:
+    poses = truth if truth is not None else result.smoothed
+    return frame_measures(result, poses, sequence.calibration.T_imu_cam)
 
 
 def _distribution(config: Config) -> str:

@@ -200,8 +200,8 @@ class Odometry:
 
     @property
     def counts(self) -> dict[str, int]:
-        """The back end's account of observations."""
-        return self._backend.counts
+        """The back end's account of observations; nothing before the start."""
+        return {} if self._estimate is None else self._backend.counts
 
     @property
     def features(self) -> int:

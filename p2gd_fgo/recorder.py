@@ -15,6 +15,7 @@ from p2gd_fgo.odometry import Odometry
 from p2gd_fgo.priors import PriorProblem
 from p2gd_fgo.types import (
     NANOSECONDS,
+    BoolArray,
     Estimate,
     Event,
     FloatArray,
@@ -24,6 +25,8 @@ from p2gd_fgo.types import (
     Trajectory,
     Waiting,
 )
+
+_GATED = ("rejected_chi_square", "rejected_outlier", "rejected_behind_camera")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,6 +61,11 @@ class RunResult:
         Where prior poses came from.
     tracks
         Which features every image saw.
+    outliers, gated
+        (F,) at each of these images: tracks against the motion of the rest; observations that the
+        back end's gates rejected.
+    still
+        (N,) whether an online estimate was made as standing still.
     """
 
     status: Literal["done", "failed"]
@@ -77,6 +85,9 @@ class RunResult:
     start_note: str | None
     priors: str
     tracks: TrackRecord
+    outliers: IntArray
+    gated: IntArray
+    still: BoolArray
 
 
 class Recorder:
@@ -95,6 +106,9 @@ class Recorder:
         self._timed: list[tuple[int, dict[str, tuple[float, float]]]] = []
         self._seen: list[Observations] = []
         self._asked: list[int] = []
+        self._outliers: list[int] = []
+        self._gated: list[int] = []
+        self._gated_so_far = 0
         self._problems: list[tuple[int, PriorProblem | None]] = []
 
     def add(
@@ -114,6 +128,11 @@ class Recorder:
         odometry.count_into(self.counts)
         self._seen.append(odometry.observations)
         self._asked.append(odometry.decision.selection.asked)
+        self._outliers.append(odometry.tracked.lost_outlier)
+        fates = odometry.counts
+        gated = sum(fates.get(name, 0) for name in _GATED)
+        self._gated.append(gated - self._gated_so_far)
+        self._gated_so_far = gated
         self._problems.append((odometry.observations.stamp_ns, odometry.decision.problem))
 
     @property
@@ -155,6 +174,9 @@ class Recorder:
             odometry.start_note,
             priors,
             self._track_record(),
+            np.array(self._outliers, dtype=np.int64),
+            np.array(self._gated, dtype=np.int64),
+            np.array([e.stationary for e in estimates], dtype=np.bool_),
         )
 
     def _track_record(self) -> TrackRecord:

@@ -23,7 +23,7 @@ from p2gd_fgo import __version__
 from p2gd_fgo.atomic_files import atomic_path, write_text
 from p2gd_fgo.errors import ConfigError
 from p2gd_fgo.trajectory_files import write_tum
-from p2gd_fgo.types import Event, IntArray, TrackRecord, Trajectory
+from p2gd_fgo.types import Event, FloatArray, IntArray, TrackRecord, Trajectory
 
 RunState = Literal["running", "done", "failed"]
 TrajectoryName = Literal["estimate.tum", "truth.tum", "smoothed.tum"]
@@ -32,8 +32,9 @@ FrameTimes = Mapping[str, tuple[float, float]]  # stage to (process CPU ms, wall
 STATUS, CONFIG, METRICS = "status.json", "config.yaml", "metrics.json"
 TIMING, EVENTS = "timing.csv", "events.jsonl"
 EVO_RESULT, FIGURE, TRACKS = "evo_result.zip", "trajectory.png", "tracks.npz"
+FRAMES = "frames.csv"
 FILES = (
-    *(STATUS, CONFIG, METRICS, TIMING, EVENTS, EVO_RESULT, FIGURE, TRACKS),
+    *(STATUS, CONFIG, METRICS, TIMING, EVENTS, EVO_RESULT, FIGURE, TRACKS, FRAMES),
     *("estimate.tum", "truth.tum", "smoothed.tum"),
 )
 IMAGE_FIGURES = "figures"
@@ -130,6 +131,14 @@ class RunDirectory:
             times = (f"{row[s][0]:.4f},{row[s][1]:.4f}" if s in row else "," for s in stages)
             lines.append(",".join([str(stamp), *times]))
         write_text(self.path / TIMING, "\n".join(lines) + "\n")
+
+    def write_frames(self, stamps_ns: IntArray, columns: Mapping[str, FloatArray]) -> None:
+        """Save one line per image: ``stamp_ns``, then the columns, (F,) each; NaN is left empty."""
+        lines = [",".join(["stamp_ns", *columns])]
+        for stamp, *row in zip(stamps_ns.tolist(), *columns.values(), strict=True):
+            values = ("" if math.isnan(value) else f"{value:.6g}" for value in row)
+            lines.append(",".join([str(stamp), *values]))
+        write_text(self.path / FRAMES, "\n".join(lines) + "\n")
 
     def write_events(self, events: Iterable[Event]) -> None:
         """Save events, one JSON object a line: ``stamp_ns, kind, message, data``."""

@@ -15,6 +15,7 @@ from p2gd_fgo.cli import config as config_commands
 from p2gd_fgo.cli.compare import compare
 from p2gd_fgo.cli.convert import convert
 from p2gd_fgo.cli.evaluate import evaluate
+from p2gd_fgo.cli.explain import explain
 from p2gd_fgo.cli.run import demo, run
 from p2gd_fgo.cli.simulate import simulate
 from p2gd_fgo.errors import P2gdError
@@ -29,6 +30,7 @@ app = typer.Typer(
 app.command()(run)
 app.command()(demo)
 app.command()(compare)
+app.command()(explain)
 app.command()(evaluate)
 app.command()(simulate)
 app.command()(convert)

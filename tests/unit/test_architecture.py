@@ -17,7 +17,7 @@ ROOMS = [
     *("errors", "threads", "types", "timing", "config", "geometry", "imu", "datasets"),
     *("atomic_files", "trajectory_files", "simulation", "priors", "frontend", "distribution"),
     *("initialization", "backends", "odometry", "recorder", "pipeline"),
-    *("run_directory", "evaluation"),
+    *("run_directory", "run_record", "evaluation"),
     *("report", "experiment", "study", "cli", "__main__"),
 ]
 FILES = sorted(
