@@ -94,7 +94,7 @@ def run(
     todo = unfinished_runs(plan, records_in(folder), options)
     _announce(console, plan, len(todo), folder)
     if todo:
-        console.print(cost_line(todo, options.jobs), highlight=False)
+        console.print(cost_line(todo, options.jobs), highlight=False, soft_wrap=True)
     with StudyProgress(console) as bar:
         records = run_study(plan, folder, options, bar)
     _summary(console, plan.spec, records, folder)
@@ -129,7 +129,7 @@ def show_plan(
         console.print(f"{planned.key}  {state:<8}  {planned.label}", soft_wrap=True, markup=False,
                       highlight=False)  # fmt: skip
     if todo:
-        console.print(cost_line(todo, os.cpu_count() or 1), highlight=False)
+        console.print(cost_line(todo, os.cpu_count() or 1), highlight=False, soft_wrap=True)
 
 
 @app.command()

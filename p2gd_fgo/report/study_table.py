@@ -67,7 +67,8 @@ def study_table(
             for label in labels[1:]
             for m in measures
         }
-        parts += ["", _table(block, axis, labels, measures, contrasts)]
+        table = _table(block, axis, labels, measures, contrasts)
+        parts += ["", Text(block.title, style="italic"), table]
         for (label, name), found in contrasts.items():
             if found is not None and name in _CLAIMED:
                 sides = (str(baseline), str(label))
@@ -75,7 +76,8 @@ def study_table(
                 claims.append(f"{block.title}, {label}: {said}")
     by_route = _route_table(records, measures[0])
     if by_route is not None:
-        parts = ["", by_route, *parts]
+        heading = f"{measures[0].label} {measures[0].unit} by route, mean over seeds"
+        parts = ["", Text(heading, style="italic"), by_route, *parts]
     return Group(
         Rule(f"{axis}, compared with {baseline}", align="left", style="dim"),
         Text(_legend(records), style="dim"),
@@ -117,7 +119,7 @@ def _table(
     measures: Sequence[Measure],
     contrasts: dict[tuple[Label, str], Contrast | None],
 ) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, title=block.title, title_justify="left", pad_edge=False)
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column(axis, min_width=max(len(axis), *(len(str(label)) for label in labels)))
     table.add_column("runs", justify="right", no_wrap=True)
     for m in measures:
@@ -128,7 +130,8 @@ def _table(
         for m in measures:
             found = contrasts.get((label, m.name))
             effect = found.overall.effects.get("mean") if found else None
-            change = Text(f"\n{span(effect)}" if effect else "", style="dim")
+            said = span(effect).removesuffix(" [?, ?]") if effect else ""
+            change = Text(f"\n{said}" if said else "", style="dim")
             cells.append(Text.assemble(_mean(runs, m), change))
         table.add_row(*cells)
     return table
@@ -140,10 +143,7 @@ def _route_table(records: Sequence[RunRecord], chosen: Measure) -> Table | None:
     ways = list(dict.fromkeys(tuple(r.axes.get(name, NONE) for name in names) for r in records))
     if len(ways) > _MOST_COLUMNS:
         return None
-    table = Table(
-        box=box.SIMPLE_HEAD, title=f"{chosen.label} {chosen.unit} by route, mean over seeds",
-        title_justify="left", pad_edge=False,
-    )  # fmt: skip
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("route")
     for way in ways:
         table.add_column("\n".join(map(str, way)), justify="right")

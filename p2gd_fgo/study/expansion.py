@@ -125,7 +125,7 @@ def expand(spec: StudySpec, folder: Path, data: Path | None = None) -> Plan:
                 )
             runs[key] = Run(
                 key, spec.name, labels, route.name, route.name, route.group, seed,
-                config, source, spec.timeout_s,
+                config, source, spec.timeout_s, spec.segments,
             )  # fmt: skip
     if not runs:
         hint = f" (--data is not given, which {', '.join(left_out)} need)" if left_out else ""

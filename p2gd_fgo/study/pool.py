@@ -128,7 +128,6 @@ class LocalPool:
         if kind == "ready":
             check_code(rest[0])
         elif isinstance(task, _Route):
-            self._observer.rendering(task.name, 1, 1)
             if rest[0] is None:
                 self._ready.extend(task.runs)
             else:

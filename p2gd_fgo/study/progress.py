@@ -17,7 +17,7 @@ class StudyObserver(Protocol):
         ...
 
     def rendering(self, name: str, done: int, total: int) -> None:
-        """Images of a recording; ``done`` equals ``total`` when it is ready."""
+        """Images of a recording that is being rendered."""
         ...
 
     def running(self, run: Run, done: int, total: int) -> None:

@@ -53,6 +53,8 @@ class Run:
         The recording.
     timeout_s
         Wall time that it may take, rendering aside.
+    segments
+        Whether its record holds the errors of each piece of the way.
     """
 
     key: str
@@ -65,6 +67,7 @@ class Run:
     config: Config
     source: Rendered | Recorded
     timeout_s: float
+    segments: bool = False
 
     @property
     def label(self) -> str:

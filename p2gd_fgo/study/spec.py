@@ -133,6 +133,9 @@ class StudySpec(Model):
     exclude: tuple[Rule, ...] = Field((), description="leave out runs that one of these fits")
     pairing: PairingSpec | None = None
     timeout_s: Positive = Field(1800.0, description="of one run, its rendering aside")
+    segments: bool = Field(
+        False, description="put the errors of each 10 m of the way into the records: 0.5 kB each"
+    )
     profiles: dict[str, ProfileSpec] = Field({}, description="other sizes of the study, by name")
 
     @model_validator(mode="after")

@@ -12,9 +12,10 @@ from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 
-from p2gd_fgo.errors import ConfigError
+from p2gd_fgo.errors import ConfigError, DataError
 from p2gd_fgo.run_record import RESULTS, RunRecord, read_records
 from p2gd_fgo.study.runs import Run
+from p2gd_fgo.study.work import CRASH
 
 RUNS = "runs"
 _PART = ".part"
@@ -83,19 +84,38 @@ class Store:
         -------
         RunRecord
             With its directory.
+
+        Raises
+        ------
+        DataError
+            The disk is full, or the folder is gone.
         """
-        scratch, place = self.scratch(run), self.out / RUNS / run.key
-        shutil.rmtree(place, ignore_errors=True)
-        if scratch.is_dir():
-            self._share_truth(run, scratch / "truth.tum", place / "truth.tum")
-            scratch.rename(place)
-            record = replace(record, directory=f"{RUNS}/{run.key}")
-        with self.path.open("a", encoding="utf-8", newline="\n") as file:
-            file.write(f"{record.to_json()}\n")
-            file.flush()
-            os.fsync(file.fileno())
+        try:
+            if self._place(run, record):
+                record = replace(record, directory=f"{RUNS}/{run.key}")
+            with self.path.open("a", encoding="utf-8", newline="\n") as file:
+                file.write(f"{record.to_json()}\n")
+                file.flush()
+                os.fsync(file.fileno())
+        except OSError as error:
+            raise DataError(
+                f"{self.out}: the results can't be written ({error.strerror}): free some space and "
+                "start the study again, which goes on from here"
+            ) from None
         self.records[run.key] = record
         return record
+
+    def _place(self, run: Run, record: RunRecord) -> bool:
+        """Move what a run left to its place; False where it left nothing that is whole."""
+        scratch, place = self.scratch(run), self.out / RUNS / run.key
+        shutil.rmtree(place, ignore_errors=True)
+        ended = record.status in ("done", "failed") or (scratch / CRASH).is_file()
+        if not scratch.is_dir() or not ended:
+            shutil.rmtree(scratch, ignore_errors=True)
+            return False
+        self._share_truth(run, scratch / "truth.tum", place / "truth.tum")
+        scratch.rename(place)
+        return True
 
     def _share_truth(self, run: Run, truth: Path, place: Path) -> None:
         """Link the truth to another run's on the same recording where the two are the same."""

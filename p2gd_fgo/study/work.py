@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import time
 import traceback
 from collections import Counter
@@ -14,27 +15,30 @@ import numpy as np
 
 from p2gd_fgo.atomic_files import write_text
 from p2gd_fgo.config import Config, override
-from p2gd_fgo.datasets import Sequence
-from p2gd_fgo.errors import P2gdError
+from p2gd_fgo.datasets import Sequence, open_sequence
+from p2gd_fgo.errors import DataError, P2gdError
+from p2gd_fgo.evaluation.run_segments import MASKS, moving_objects, run_segments
 from p2gd_fgo.experiment import run_experiment
 from p2gd_fgo.odometry import Odometry
-from p2gd_fgo.run_directory import CONFIG, EVENTS, METRICS, STATUS
+from p2gd_fgo.run_directory import CONFIG, EVENTS, FRAMES, METRICS, STATUS
 from p2gd_fgo.run_record import RecordStatus, RunRecord
 from p2gd_fgo.study.data import provide
 from p2gd_fgo.study.keys import code_hash, versions
 from p2gd_fgo.study.runs import Run
 from p2gd_fgo.trajectory_files import read_tum, write_tum
-from p2gd_fgo.types import Estimate, Image, Trajectory, Waiting
+from p2gd_fgo.types import NANOSECONDS, Estimate, Image, Trajectory, Waiting
 
 Keep = Literal["small", "all", "none"]
 """What stays of a run's directory: the files in ``SMALL``, everything, or nothing."""
 
-SMALL = (STATUS, CONFIG, METRICS, EVENTS, "estimate.tum", "truth.tum")
+SMALL = (STATUS, CONFIG, METRICS, EVENTS, FRAMES, "estimate.tum", "truth.tum")
 CRASH = "crash.txt"
+"""Where the traceback of a run is that raised what it must not."""
 
 _PATHS = ("results",)  # entries of ``chosen`` that name a place on this machine
-_APART = ("tracking", "cpu_ms", "segments")  # parts of metrics.json with a field of their own
+_APART = ("tracking", "cpu_ms")  # parts of metrics.json with a field of their own
 _BETWEEN_S = 0.5
+_SEGMENT_DIGITS = 5
 
 Progress = Callable[[int, int], None]
 
@@ -60,16 +64,18 @@ def execute(run: Run, folder: Path, keep: Keep, progress: Progress | None = None
         run_experiment(config, out=folder, overwrite=True, observer=observer)
         metrics = json.loads((folder / METRICS).read_text(encoding="utf-8"))
     except Exception as error:  # the record says so, and the study goes on
-        folder.mkdir(parents=True, exist_ok=True)
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir(parents=True)
         (folder / CRASH).write_text(traceback.format_exc(), encoding="utf-8")
         told = str(error) if isinstance(error, P2gdError) else f"{type(error).__name__}: {error}"
         return unfinished(run, "crashed", told, time.perf_counter() - began)
     seconds = time.perf_counter() - began
     for name in _PATHS:
         metrics.get("chosen", {}).pop(name, None)
-    record = _record(run, metrics, folder, seconds)
+    pieces = _segments(folder, config) if run.segments else None
+    record = _record(run, metrics, pieces, folder, seconds)
     write_text(folder / METRICS, json.dumps(metrics, indent=2, sort_keys=True) + "\n")
-    _thin(folder, keep)
+    _thin(folder, keep, config)
     return record
 
 
@@ -81,20 +87,44 @@ def unfinished(run: Run, status: RecordStatus, reason: str, seconds: float) -> R
     )  # fmt: skip
 
 
-def _record(run: Run, metrics: dict[str, Any], folder: Path, seconds: float) -> RunRecord:
+def _record(
+    run: Run,
+    metrics: dict[str, Any],
+    pieces: list[dict[str, Any]] | None,
+    folder: Path,
+    seconds: float,
+) -> RunRecord:
     lines = (folder / EVENTS).read_text(encoding="utf-8").splitlines()
     kinds = Counter(json.loads(line)["kind"] for line in lines)
     kept = {name: value for name, value in metrics.items() if name not in _APART}
     return RunRecord(
         run.key, run.study, dict(run.axes), run.sequence, run.route, run.group, run.seed,
         metrics["status"], metrics["reason"], kept, metrics["tracking"],
-        metrics.get("segments"), dict(sorted(kinds.items())), seconds, metrics["cpu_ms"],
+        pieces, dict(sorted(kinds.items())), seconds, metrics["cpu_ms"],
         code=code_hash(), versions=versions(),
     )  # fmt: skip
 
 
-def _thin(folder: Path, keep: Keep) -> None:
-    """Leave the small files, and of the truth the poses on both sides of every estimate."""
+def _segments(folder: Path, config: Config) -> list[dict[str, Any]] | None:
+    """Errors of each piece of the way in few digits; None without truth or estimates."""
+    try:
+        has_masks = (Path(config.dataset.path or "") / MASKS).is_dir()
+        moving = moving_objects(config) if has_masks else None
+        pieces = run_segments(folder, moving=moving)
+    except DataError:
+        return None
+    return [{name: _short(value) for name, value in p.to_json().items()} for p in pieces]
+
+
+def _short(value: Any) -> Any:
+    return float(f"{value:.{_SEGMENT_DIGITS}g}") if isinstance(value, float) else value
+
+
+def _thin(folder: Path, keep: Keep, config: Config) -> None:
+    """Leave the small files, and of the truth the poses on both sides of every image.
+
+    So every run on a recording has the same, and whatever is computed with it stays the same.
+    """
     if keep == "all":
         return
     for path in folder.iterdir():
@@ -103,9 +133,13 @@ def _thin(folder: Path, keep: Keep) -> None:
     if keep == "none":
         folder.rmdir()
         return
-    truth, estimate = folder / "truth.tum", folder / "estimate.tum"
-    if truth.is_file() and estimate.stat().st_size:
-        known, stamps = read_tum(truth), read_tum(estimate).stamps_ns
+    truth = folder / "truth.tum"
+    if truth.is_file():
+        sequence = open_sequence(config.dataset, max_gap_s=config.imu.max_gap_s)
+        offset_s = config.dataset.time_offset_s
+        offset_s = sequence.calibration.time_offset_s if offset_s is None else offset_s
+        known = read_tum(truth)
+        stamps = sequence.image_stamps_ns + round(offset_s * NANOSECONDS)
         after = np.searchsorted(known.stamps_ns, stamps)
         rows = np.unique(np.clip([after - 1, after], 0, len(known) - 1))
         write_tum(truth, Trajectory(known.stamps_ns[rows], known.T_world_imu[rows]))

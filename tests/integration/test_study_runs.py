@@ -113,8 +113,8 @@ def test_what_is_kept_of_a_run_is_small_and_enough(whole: Path, plan: Plan) -> N
         assert record.axes == run.axes and record.tracking["mean_length"] > 1.0
         folder = whole / record.directory
         assert {path.name for path in folder.iterdir()} == {
-            *("config.yaml", "estimate.tum", "events.jsonl", "metrics.json", "status.json"),
-            "truth.tum",
+            *("config.yaml", "events.jsonl", "frames.csv", "metrics.json", "status.json"),
+            *("estimate.tum", "truth.tum"),
         }
         truth, estimate = read_tum(folder / "truth.tum"), read_tum(folder / "estimate.tum")
         assert len(truth) <= 2 * len(estimate)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from p2gd_fgo.errors import ConfigError
+from p2gd_fgo.errors import ConfigError, DataError
 from p2gd_fgo.run_record import RunRecord
 from p2gd_fgo.study.expansion import expand
 from p2gd_fgo.study.runs import Run
@@ -28,7 +28,7 @@ def runs() -> tuple[Run, ...]:
 
 
 def record(run: Run) -> RunRecord:
-    return unfinished(run, "crashed", "for a test", 1.0)
+    return unfinished(run, "failed", "for a test", 1.0)
 
 
 def leave_files(store: Store, run: Run, truth: str) -> None:
@@ -73,6 +73,30 @@ def test_a_directory_without_a_line_is_replaced(tmp_path: Path, runs: tuple[Run,
     assert [path.name for path in stale.iterdir()] == ["truth.tum"]
 
 
+def test_half_a_run_is_not_kept(tmp_path: Path, runs: tuple[Run, ...]) -> None:
+    with Store(tmp_path) as store:
+        leave_files(store, runs[0], "half")
+        crashed = dataclasses.replace(record(runs[0]), status="crashed")
+        assert store.add(runs[0], crashed).directory is None
+        leave_files(store, runs[1], "half")
+        (store.scratch(runs[1]) / "crash.txt").write_text("the traceback")
+        assert store.add(runs[1], crashed).directory is not None
+    assert [path.name for path in (tmp_path / "runs").iterdir()] == [runs[1].key]
+
+
+def test_a_full_disk_is_a_sentence(
+    tmp_path: Path, runs: tuple[Run, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(descriptor: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    with Store(tmp_path) as store:
+        monkeypatch.setattr("os.fsync", full)
+        with pytest.raises(DataError, match="No space left on device"):
+            store.add(runs[0], record(runs[0]))
+        assert store.records == {}
+
+
 def test_a_second_writer_is_refused(tmp_path: Path) -> None:
     with Store(tmp_path), pytest.raises(ConfigError, match="another study is writing"):
         Store(tmp_path).__enter__()
@@ -93,7 +117,7 @@ def test_equal_truths_of_a_recording_take_their_space_once(
 
 
 def test_when_a_record_stands_for_its_run(runs: tuple[Run, ...]) -> None:
-    crashed = record(runs[0])
+    crashed = dataclasses.replace(record(runs[0]), status="crashed")
     done = dataclasses.replace(crashed, status="done", reason=None)
     failed = dataclasses.replace(crashed, status="failed")
     now = crashed.code
