@@ -30,7 +30,7 @@ class RunRecord:
     Attributes
     ----------
     key
-        Hash of the resolved configuration, the data, and (unless ``code`` is ignored) the code.
+        Hash of the resolved configuration and of the data; with ``code`` it names the run.
     study
         Name of the study.
     axes

@@ -15,7 +15,14 @@ _VARIABLES = (
     "MKL_NUM_THREADS",
     "NUMEXPR_NUM_THREADS",
     "VECLIB_MAXIMUM_THREADS",
+    "NUMBA_NUM_THREADS",
+    "OPENCV_FOR_THREADS_NUM",
 )
+
+
+def thread_environment(threads: int) -> dict[str, str]:
+    """The variables that give every numeric library ``threads`` threads."""
+    return dict.fromkeys(_VARIABLES, str(threads))
 
 
 def set_thread_environment(threads: int) -> bool:
@@ -26,6 +33,5 @@ def set_thread_environment(threads: int) -> bool:
     bool
         Whether that came in time: False if numpy has been loaded already.
     """
-    for variable in _VARIABLES:
-        os.environ[variable] = str(threads)
+    os.environ.update(thread_environment(threads))
     return "numpy" not in sys.modules

@@ -12,6 +12,7 @@ from rich.console import Console
 
 from p2gd_fgo import __version__
 from p2gd_fgo.cli import config as config_commands
+from p2gd_fgo.cli import study as study_commands
 from p2gd_fgo.cli.compare import compare
 from p2gd_fgo.cli.convert import convert
 from p2gd_fgo.cli.evaluate import evaluate
@@ -35,6 +36,7 @@ app.command()(evaluate)
 app.command()(simulate)
 app.command()(convert)
 app.add_typer(config_commands.app, name="config")
+app.add_typer(study_commands.app, name="study")
 
 
 def _version(value: bool) -> None:

@@ -1,0 +1,182 @@
+"""The tables of a study in a terminal: what every label gave, and what may be said of it."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from rich import box
+from rich.console import Group, RenderableType
+from rich.rule import Rule
+from rich.table import Table
+from rich.text import Text
+
+from p2gd_fgo.errors import ConfigError
+from p2gd_fgo.evaluation.claims import claim, span
+from p2gd_fgo.evaluation.measures import Measure, counts, measure
+from p2gd_fgo.evaluation.record_pairs import Contrast, compare_records, select
+from p2gd_fgo.report.layout import NONE, fixed
+from p2gd_fgo.run_record import Label, RunRecord
+
+TABLE_MEASURES = ("ate", "ate_origin", "are", "rte_10")
+"""What fits into ``FULL_WIDTH`` columns of text; narrower terminals get one less."""
+
+FULL_WIDTH = 100
+_CLAIMED = ("ate", "are")
+_MOST_COLUMNS = 6
+_DECIMALS = {"m": 3, "°": 3, "%": 2}
+
+
+@dataclass(frozen=True, slots=True)
+class _Block:
+    """Runs of one group that differ in the compared axis, route and seed alone."""
+
+    group: str
+    rest: dict[str, Label]
+    records: list[RunRecord]
+
+    @property
+    def title(self) -> str:
+        return " · ".join([self.group, *(f"{name} {label}" for name, label in self.rest.items())])
+
+
+def study_table(
+    records: Sequence[RunRecord], axis: str, baseline: Label, width: int = FULL_WIDTH
+) -> RenderableType:
+    """One block for each group and each label on the axes that are not compared.
+
+    Parameters
+    ----------
+    records
+        Of one study.
+    axis, baseline
+        What is compared, and with what.
+    width
+        Of the terminal.
+    """
+    names = TABLE_MEASURES if width >= FULL_WIDTH else TABLE_MEASURES[:-1]
+    measures = [measure(name) for name in names]
+    parts: list[RenderableType] = []
+    claims: list[str] = []
+    for block in _blocks(records, axis):
+        labels = _labels(block.records, axis, baseline)
+        contrasts = {
+            (label, m.name): _contrast(block.records, axis, baseline, label, m)
+            for label in labels[1:]
+            for m in measures
+        }
+        table = _table(block, axis, labels, measures, contrasts)
+        parts += ["", Text(block.title, style="italic"), table]
+        for (label, name), found in contrasts.items():
+            if found is not None and name in _CLAIMED:
+                sides = (str(baseline), str(label))
+                said = claim(found.measure.label, found.overall, sides=sides)
+                claims.append(f"{block.title}, {label}: {said}")
+    by_route = _route_table(records, measures[0])
+    if by_route is not None:
+        heading = f"{measures[0].label} {measures[0].unit} by route, mean over seeds"
+        parts = ["", Text(heading, style="italic"), by_route, *parts]
+    return Group(
+        Rule(f"{axis}, compared with {baseline}", align="left", style="dim"),
+        Text(_legend(records), style="dim"),
+        *parts,
+        *(Text(f"• {line}") for line in claims),
+    )
+
+
+def _blocks(records: Sequence[RunRecord], axis: str) -> Iterator[_Block]:
+    others = sorted({name for r in records for name in r.axes} - {axis, "seed"})
+    for group in dict.fromkeys(record.group for record in records):
+        held = [record for record in records if record.group == group]
+        seen = [list(dict.fromkeys(r.axes[name] for r in held)) for name in others]
+        for labels in itertools.product(*seen):
+            rest = dict(zip(others, labels, strict=True))
+            chosen = select(held, rest)
+            if chosen:
+                yield _Block(group, rest, chosen)
+
+
+def _labels(records: Sequence[RunRecord], axis: str, baseline: Label) -> list[Label]:
+    """Labels on the axis, the baseline first."""
+    return list(dict.fromkeys([baseline, *(record.axes[axis] for record in records)]))
+
+
+def _contrast(
+    records: Sequence[RunRecord], axis: str, baseline: Label, label: Label, chosen: Measure
+) -> Contrast | None:
+    try:
+        return compare_records(records, {axis: baseline}, {axis: label}, chosen)
+    except ConfigError:  # no run of one of the two yet
+        return None
+
+
+def _table(
+    block: _Block,
+    axis: str,
+    labels: Sequence[Label],
+    measures: Sequence[Measure],
+    contrasts: dict[tuple[Label, str], Contrast | None],
+) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    table.add_column(axis, min_width=max(len(axis), *(len(str(label)) for label in labels)))
+    table.add_column("runs", justify="right", no_wrap=True)
+    for m in measures:
+        table.add_column(f"{m.label} {m.unit}", justify="right", no_wrap=True)
+    for label in labels:
+        runs = select(block.records, {axis: label})
+        cells: list[Text | str] = [Text(str(label)), f"{sum(map(counts, runs))}/{len(runs)}"]
+        for m in measures:
+            found = contrasts.get((label, m.name))
+            effect = found.overall.effects.get("mean") if found else None
+            said = span(effect).removesuffix(" [?, ?]") if effect else ""
+            change = Text(f"\n{said}" if said else "", style="dim")
+            cells.append(Text.assemble(_mean(runs, m), change))
+        table.add_row(*cells)
+    return table
+
+
+def _route_table(records: Sequence[RunRecord], chosen: Measure) -> Table | None:
+    """One row for each route, one column for each way of running; None where these are too many."""
+    names = sorted({name for record in records for name in record.axes} - {"seed"})
+    ways = list(dict.fromkeys(tuple(r.axes.get(name, NONE) for name in names) for r in records))
+    if len(ways) > _MOST_COLUMNS:
+        return None
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    table.add_column("route")
+    for way in ways:
+        table.add_column("\n".join(map(str, way)), justify="right")
+    for group in dict.fromkeys(record.group for record in records):
+        held = [record for record in records if record.group == group]
+        for route in dict.fromkeys(record.route for record in held):
+            runs = [record for record in held if record.route == route]
+            table.add_row(Text(route), *(_mean(_of(runs, names, way), chosen) for way in ways))
+        table.add_section()
+    return table
+
+
+def _of(
+    records: Sequence[RunRecord], names: Sequence[str], way: Sequence[Label]
+) -> list[RunRecord]:
+    return [r for r in records if tuple(r.axes.get(name, NONE) for name in names) == tuple(way)]
+
+
+def _mean(runs: Sequence[RunRecord], chosen: Measure) -> str:
+    """Mean over the routes of the means over their seeds."""
+    means = []
+    for route in dict.fromkeys(run.route for run in runs):
+        values = [chosen.of(run) for run in runs if run.route == route]
+        known = [value for value in values if math.isfinite(value)]
+        means += [sum(known) / len(known)] if known else []
+    mean = sum(means) / len(means) if means else math.nan
+    return fixed(mean, _DECIMALS.get(chosen.unit, 3))
+
+
+def _legend(records: Sequence[RunRecord]) -> str:
+    alignments = sorted({str(r.metrics["alignment"]) for r in records if "alignment" in r.metrics})
+    return (
+        f"RMSE of each run, main alignment {', '.join(alignments) or NONE}; means over routes of "
+        "their seeds, below them the change with its 95 % interval (from 3 routes on); a run that "
+        "failed, or that saw less than 90 % of the images, counts in 'runs' alone"
+    )

@@ -1,0 +1,257 @@
+"""From a study to its runs: the product of recordings and axes, by the rules."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from p2gd_fgo.config import Config, load_config, override, resolve
+from p2gd_fgo.datasets import open_sequence
+from p2gd_fgo.errors import ConfigError, P2gdError
+from p2gd_fgo.run_record import Label
+from p2gd_fgo.simulation.presets import find_preset, load_scenario
+from p2gd_fgo.simulation.production import with_route_hash
+from p2gd_fgo.simulation.scenario import Scenario
+from p2gd_fgo.study.keys import data_hash, run_key
+from p2gd_fgo.study.runs import Recorded, Rendered, Run
+from p2gd_fgo.study.spec import AxisValue, Rule, SequenceSpec, StudySpec
+
+SHORT_NAMES = {
+    "distribution": "distribution.kind",
+    "backend": "backend.kind",
+    "window": "backend.window",
+    "tracker": "frontend.tracker",
+    "priors": "priors.source",
+    "seed": "runtime.seed",
+}
+"""Axes that name a field of the configuration by one word."""
+
+SEEDS_A_ROUTE = 1000
+"""The IMU's noise on route r with seed s is drawn from seed 1000 r + s: no two are alike."""
+
+_PLACES = ("group", "route", "sequence")
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """All runs of a study.
+
+    Attributes
+    ----------
+    spec
+        The study, in the profile chosen.
+    runs
+        In the order in which they are started.
+    left_out
+        Recordings that a study names and nobody has given, by path.
+    """
+
+    spec: StudySpec
+    runs: tuple[Run, ...]
+    left_out: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Route:
+    name: str
+    group: str
+    seed: int | None
+    settings: Mapping[str, Any]
+    scenario: Scenario | None
+    folder: Path | None
+
+    def source(self, seed: int, config: Config) -> Rendered | Recorded:
+        if self.scenario is None:
+            return self._opened(config)
+        assert self.seed is not None
+        imu = self.scenario.imu.model_copy(update={"seed": self.seed * SEEDS_A_ROUTE + seed})
+        scenario = self.scenario.model_copy(update={"imu": imu})
+        return Rendered(scenario, round(scenario.duration_s * scenario.camera.rate_hz) + 1)
+
+    def _opened(self, config: Config) -> Recorded:
+        assert self.folder is not None
+        dataset = config.dataset.model_copy(update={"path": str(self.folder)})
+        try:
+            sequence = open_sequence(dataset)
+        except P2gdError as error:
+            raise ConfigError(f"{error} (named by the study, under --data)") from None
+        return Recorded(
+            self.folder, len(sequence.image_stamps_ns), sequence.calibration.camera.width
+        )
+
+
+def expand(spec: StudySpec, folder: Path, data: Path | None = None) -> Plan:
+    """All runs of a study.
+
+    Parameters
+    ----------
+    folder
+        Where the study's file lies.
+    data
+        Root of the recordings; without it entries with a relative path are left out.
+
+    Raises
+    ------
+    ConfigError, DataError
+        A setting, rule or recording that can't be used, or two runs that are the same.
+    """
+    base = _base(spec, folder)
+    routes, left_out = _routes(spec, folder, data)
+    seeds = _seeds(spec)
+    runs: dict[str, Run] = {}
+    for route in routes:
+        hashes: dict[int, tuple[Rendered | Recorded, str]] = {}
+        for values in itertools.product(*_axes(spec).values()):
+            chosen = dict(zip(_axes(spec), values, strict=True))
+            labels = {name: value.label for name, value in chosen.items()}
+            if not _kept(spec, labels, route):
+                continue
+            seed = seeds[str(labels["seed"])] if "seed" in labels else 0
+            config = _config(spec, base, route, chosen)
+            shared = seed if route.scenario is not None else 0
+            if shared not in hashes:
+                source = route.source(seed, config)
+                hashes[shared] = (source, data_hash(source))
+            source, held = hashes[shared]
+            config = resolve(config, source.width)
+            key = run_key(config, held)
+            if key in runs:
+                raise ConfigError(
+                    f"{spec.name}: the runs '{runs[key].label}' and '{_label(route, labels)}' are "
+                    "the same: leave one out with 'exclude', or change its settings"
+                )
+            runs[key] = Run(
+                key, spec.name, labels, route.name, route.name, route.group, seed,
+                config, source, spec.timeout_s, spec.segments,
+            )  # fmt: skip
+    if not runs:
+        hint = f" (--data is not given, which {', '.join(left_out)} need)" if left_out else ""
+        raise ConfigError(f"{spec.name}: the rules leave no run{hint}")
+    return Plan(spec, tuple(runs.values()), tuple(left_out))
+
+
+def _axes(spec: StudySpec) -> dict[str, tuple[AxisValue, ...]]:
+    """The axes with the seed's first: its runs share a recording."""
+    return dict(sorted(spec.axes.items(), key=lambda axis: axis[0] != "seed"))
+
+
+def _seeds(spec: StudySpec) -> dict[str, int]:
+    found = {}
+    for value in spec.axes.get("seed", ()):
+        seed = value.label
+        if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed < SEEDS_A_ROUTE:
+            raise ConfigError(
+                f"{spec.name}: axes.seed has {seed!r}: give whole numbers from 0 to "
+                f"{SEEDS_A_ROUTE - 1}"
+            )
+        found[str(seed)] = seed
+    return found
+
+
+def _base(spec: StudySpec, folder: Path) -> Config:
+    path = None
+    if spec.base.config is not None:
+        above = folder.resolve().parents
+        places = (p / spec.base.config for p in (folder, *(a / "configs" for a in above)))
+        path = next((place for place in places if place.is_file()), None)
+        if path is None:
+            raise ConfigError(
+                f"{spec.name}: base.config '{spec.base.config}' is neither in {folder} nor in "
+                "configs/"
+            )
+    return _override(load_config(path), spec.base.settings, f"{spec.name}: base.settings")
+
+
+def _routes(spec: StudySpec, folder: Path, data: Path | None) -> tuple[list[_Route], list[str]]:
+    routes: list[_Route] = []
+    left_out = []
+    for entry in spec.sequences:
+        if entry.simulate is not None:
+            routes += _rendered(entry, folder)
+            continue
+        assert entry.path is not None
+        place = Path(entry.path).expanduser()
+        if not place.is_absolute():
+            if data is None:
+                left_out.append(entry.path)
+                continue
+            place = data.expanduser() / place
+        name = entry.name or place.name
+        group = entry.group or "recordings"
+        routes.append(_Route(name, group, None, entry.settings, None, place.resolve()))
+    names = [route.name for route in routes]
+    for name in names:
+        if names.count(name) > 1:
+            raise ConfigError(
+                f"{spec.name}: two recordings are called '{name}': give them a 'name' or a 'group'"
+            )
+    return routes, left_out
+
+
+def _rendered(entry: SequenceSpec, folder: Path) -> Iterator[_Route]:
+    assert entry.simulate is not None
+    near = folder / entry.simulate
+    path = near if near.is_file() else find_preset(entry.simulate)
+    group = entry.group or path.stem
+    for seed in entry.routes:
+        settings = {**entry.scenario, "seed": seed}
+        if entry.duration_s is not None:
+            settings["duration_s"] = entry.duration_s
+        scenario = with_route_hash(load_scenario(path, settings))
+        yield _Route(f"{group}-{seed}", group, seed, entry.settings, scenario, None)
+
+
+def _kept(spec: StudySpec, labels: Mapping[str, Label], route: _Route) -> bool:
+    known = {name: str(label) for name, label in labels.items()}
+    known |= dict.fromkeys(_PLACES, route.name) | {"group": route.group}
+    fits = [_fits(spec, rule, known) for rule in spec.include]
+    if spec.include and not any(fits):
+        return False
+    return not any(_fits(spec, rule, known) for rule in spec.exclude)
+
+
+def _fits(spec: StudySpec, rule: Rule, known: Mapping[str, str]) -> bool:
+    for name, wanted in rule.items():
+        if name not in known:
+            raise ConfigError(
+                f"{spec.name}: a rule names '{name}', which is no axis: there are "
+                f"{', '.join(known)}"
+            )
+        options = wanted if isinstance(wanted, list) else [wanted]
+        if known[name] not in [str(option) for option in options]:
+            return False
+    return True
+
+
+def _config(
+    spec: StudySpec, base: Config, route: _Route, chosen: Mapping[str, AxisValue]
+) -> Config:
+    config = _override(base, route.settings, f"{spec.name}: {route.name}")
+    for name, value in chosen.items():
+        if value.settings is None:
+            field = SHORT_NAMES.get(name, name)
+            if "." not in field:
+                raise ConfigError(
+                    f"{spec.name}: axes.{name} is neither a field of the configuration nor one of "
+                    f"{', '.join(SHORT_NAMES)}: give each value its settings, as "
+                    "{label: {key: value}}"
+                )
+            settings: Mapping[str, Any] = {field: value.label}
+        else:
+            settings = value.settings
+        config = _override(config, settings, f"{spec.name}: axes.{name}, {value.label}")
+    return override(config, {"runtime.threads": 1, "name": route.name, "dataset.path": None})
+
+
+def _override(config: Config, settings: Mapping[str, Any], where: str) -> Config:
+    try:
+        return override(config, settings)
+    except ConfigError as error:
+        raise ConfigError(f"{where}: {str(error).removeprefix('--set').lstrip(': ')}") from None
+
+
+def _label(route: _Route, labels: Mapping[str, Label]) -> str:
+    return " · ".join([route.name, *(str(label) for label in labels.values())])
