@@ -16,6 +16,7 @@ from p2gd_fgo.cli import study as study_commands
 from p2gd_fgo.cli.compare import compare
 from p2gd_fgo.cli.evaluate import evaluate
 from p2gd_fgo.cli.explain import explain
+from p2gd_fgo.cli.report import report
 from p2gd_fgo.cli.run import demo, run
 from p2gd_fgo.cli.simulate import simulate
 from p2gd_fgo.errors import P2gdError
@@ -32,6 +33,7 @@ app.command()(demo)
 app.command()(compare)
 app.command()(explain)
 app.command()(evaluate)
+app.command()(report)
 app.command()(simulate)
 app.add_typer(config_commands.app, name="config")
 app.add_typer(study_commands.app, name="study")
