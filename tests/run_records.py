@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
@@ -49,7 +50,7 @@ def tracking(length: float, parallax: float) -> dict[str, Any]:
         "rotations": "truth", "frames": 600, "tracks": 9000, "mean_length": length,
         "length_shares": {"1": 0.35, "5": 0.046, "10": 0.016, "15": 0.009, "20": 0.09},
         "total_parallax_deg": parallax, "two_view_parallax_deg": parallax / length,
-        "total_parallax_per_frame_deg": 15 * parallax, "features_per_frame": 150.0,
+        "total_parallax_per_frame_deg": 15 * parallax, "features_per_frame": 20 * length,
         "tracks_3_per_frame": 9.0, "tracks_10_per_frame": 4.0,
     }  # fmt: skip
 
@@ -100,8 +101,11 @@ def record(
     **changes: Any,
 ) -> RunRecord:
     """One record; ``changes`` are fields of it."""
-    length = 5.0 if distribution == "grid" else 5.6
-    times = {"frame": sum(STAGES.values()) + 0.4} | STAGES
+    rng = np.random.default_rng(zlib.crc32(f"{route}/{seed}/{backend}/{distribution}".encode()))
+    length = (5.0 if distribution == "grid" else 5.6) + 0.2 * rng.normal()
+    pace = 1.0 + 0.03 * rng.normal()
+    times = {stage: pace * ms for stage, ms in STAGES.items()}
+    times["frame"] = sum(times.values()) + 0.4
     fields: dict[str, Any] = {
         "key": f"{group}/{route}/{seed}/{backend}/{distribution}", "study": "made_up",
         "axes": {"sequence": route, "backend": backend, "distribution": distribution, "seed": seed},

@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 from p2gd_fgo.errors import ConfigError
+from p2gd_fgo.evaluation.measures import Measure
 from p2gd_fgo.report.pages.sources import Entry
 from p2gd_fgo.run_record import Label, RunRecord
-
-PARTIAL = 0.9
-"""A run counts from this share of the images on that the fullest run of its route estimated."""
 
 _ALWAYS_SHOWN = ("backend", "distribution")
 _BASELINE = ("distribution", "grid")
 Method = tuple[Label, ...]
 """Labels on the method axes."""
-
-Value = Callable[[RunRecord], float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +62,6 @@ class Collection:
         for entry in entries:
             where = (Route(entry.record.group, entry.record.route), self.method(entry.record))
             self._runs.setdefault(where, []).append(entry)
-        self._counting = _counting(records)
 
     def method(self, record: RunRecord) -> Method:
         """Which method a run is of."""
@@ -103,24 +98,28 @@ class Collection:
     def name(self, method: Method) -> str:
         """Its labels, those on which all agree left out; numbers with the name of their axis."""
         kept = self.varying or range(len(self.axes))
-        return " · ".join(_named(self.axes[k], method[k]) for k in kept) or "run"
+        return self._labels(method, kept) or "run"
 
     def against(self, method: Method, base: Method) -> str:
         """Two methods in a few words: ``smoother: p2gd against grid``."""
         common = [k for k in self.varying if method[k] == base[k]]
         other = [k for k in self.varying if method[k] != base[k]]
-        sides = [" · ".join(_named(self.axes[k], m[k]) for k in other) for m in (method, base)]
-        prefix = " · ".join(_named(self.axes[k], method[k]) for k in common)
-        return f"{prefix}: {sides[0]} against {sides[1]}" if prefix else " against ".join(sides)
+        prefix = self._labels(method, common)
+        text = f"{self._labels(method, other)} against {self._labels(base, other)}"
+        return f"{prefix}: {text}" if prefix else text
 
-    def counts(self, record: RunRecord) -> bool:
-        """Whether its numbers are used: done, and not stopped long before the other runs."""
-        return record.key in self._counting
+    def choice(self, method: Method) -> dict[str, Label]:
+        """Its labels by axis, for picking records."""
+        return {axis: label for axis, label in zip(self.axes, method, strict=True) if label != ""}
 
-    def values(self, route: Route, method: Method, value: Value) -> list[float]:
+    def _labels(self, method: Method, which: Iterable[int]) -> str:
+        named = (_named(self.axes[k], method[k]) for k in which)
+        return " · ".join(name for name in named if name)
+
+    def values(self, route: Route, method: Method, measure: Measure) -> list[float]:
         """Of the runs that count and have the value."""
-        counting = [e.record for e in self.runs(route, method) if self.counts(e.record)]
-        return [v for v in map(value, counting) if math.isfinite(v)]
+        values = (measure.of(entry.record) for entry in self.runs(route, method))
+        return [value for value in values if math.isfinite(value)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,21 +177,6 @@ def counterpart(collection: Collection, method: Method, baseline: Baseline) -> M
     return candidates[alike.index(max(alike))] if candidates else None
 
 
-def completeness(record: RunRecord) -> float:
-    """Share of the images with an estimate, NaN where it isn't known."""
-    share = record.metrics.get("completeness")
-    return float(share) if share is not None else math.nan
-
-
-def _counting(records: Sequence[RunRecord]) -> set[str]:
-    fullest: dict[Route, float] = {}
-    done = [record for record in records if record.status == "done"]
-    for record in done:
-        route = Route(record.group, record.route)
-        fullest[route] = max(fullest.get(route, 0.0), completeness(record))
-    return {r.key for r in done if not completeness(r) < PARTIAL * fullest[Route(r.group, r.route)]}
-
-
 def _method_axes(records: Sequence[RunRecord]) -> tuple[str, ...]:
     names = dict.fromkeys(name for record in records for name in record.axes)
     seen: dict[tuple[str, str, int, str], set[Label | None]] = {}
@@ -215,4 +199,4 @@ def _shared(records: Sequence[RunRecord], axes: Sequence[str]) -> dict[str, Labe
 
 
 def _named(axis: str, label: Label) -> str:
-    return label if isinstance(label, str) and label else f"{axis} {label}"
+    return label if isinstance(label, str) else f"{axis} {label}"

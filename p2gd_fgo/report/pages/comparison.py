@@ -6,14 +6,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from p2gd_fgo.evaluation.bootstrap import Effect
 from p2gd_fgo.evaluation.claims import claim, span
-from p2gd_fgo.evaluation.paired import ASKED_CHANGE, ASKED_POWER, Comparison, compare_pairs
+from p2gd_fgo.evaluation.measures import Measure, measure
+from p2gd_fgo.evaluation.paired import ASKED_CHANGE, ASKED_POWER, Comparison
+from p2gd_fgo.evaluation.record_pairs import compare_records, pair_records
 from p2gd_fgo.report.layout import NONE
-from p2gd_fgo.report.pages.collection import Baseline, Collection, Method, Value, counterpart
-from p2gd_fgo.report.pages.measures import FRAME, cpu, metric, relative, rte_lengths, tracking
+from p2gd_fgo.report.pages.collection import Baseline, Collection, Method, counterpart
+from p2gd_fgo.report.pages.measures import rte_lengths
 from p2gd_fgo.report.pages.table_model import (
     Cell,
     Column,
@@ -25,62 +25,45 @@ from p2gd_fgo.report.pages.table_model import (
     words,
 )
 
+_EXPLAINING = ("mean_length", "total_parallax", "features", "frame_ms")
 _SEEDS_ASKED = 3
 _METHODS_IN_WORDS = 3
 
 
 @dataclass(frozen=True, slots=True)
-class Measure:
-    """Something that two runs are compared by; ``lower_is_better`` None where neither way is."""
-
-    name: str
-    value: Value
-    lower_is_better: bool | None = True
-
-
-@dataclass(frozen=True, slots=True)
 class Compared:
-    """One measure of a method against its counterpart."""
+    """One measure of a method against its counterpart; ``alone``: runs of both without a pair."""
 
     base: Method
     method: Method
     measure: Measure
     found: Comparison
-
-
-def measures(collection: Collection, group: str, alignment: str) -> list[Measure]:
-    """Accuracy first, then what explains it, then its cost."""
-    runs = [e.record for e in collection.entries if e.record.group == group]
-    return [
-        Measure("ATE m", lambda r: metric(r, "ate_m", alignment, "rmse")),
-        Measure("ARE °", lambda r: metric(r, "are_deg", alignment, "rmse")),
-        *(
-            Measure(f"RTE {n:g} m %", lambda r, n=n: relative(r, n, "percent"))  # type: ignore[misc]
-            for n in rte_lengths(runs)
-        ),
-        Measure("track length", lambda r: tracking(r, "mean_length"), None),
-        Measure("total parallax °", lambda r: tracking(r, "total_parallax_deg"), None),
-        Measure("features per image", lambda r: tracking(r, "features_per_frame"), None),
-        Measure("CPU per image ms", cpu(FRAME)),
-    ]
+    alone: int
 
 
 def compare_group(
     collection: Collection, group: str, baseline: Baseline, alignment: str
 ) -> list[Compared]:
     """Every method of a group against its counterpart, measure by measure."""
+    records = [e.record for e in collection.entries if e.record.group == group]
+    lengths = rte_lengths(records)
+    keys = (
+        f"ate_{alignment}", f"are_{alignment}", *(f"rte_{n:g}" for n in lengths), *_EXPLAINING
+    )  # fmt: skip
+    methods = collection.methods_of(group)
     out = []
-    for method in collection.methods_of(group):
+    for method in methods:
         base = counterpart(collection, method, baseline)
-        if base is None:
+        if base is None or base not in methods:
             continue
-        for measure in measures(collection, group, alignment):
-            a, b, routes = _pairs(collection, group, base, method, measure.value)
-            if any(map(math.isfinite, (*a, *b))):
-                found = compare_pairs(
-                    np.array(a), np.array(b), routes, lower_is_better=measure.lower_is_better
-                )
-                out.append(Compared(base, method, measure, found))
+        sides = collection.choice(base), collection.choice(method)
+        pairs = pair_records(records, *sides)
+        for key in keys if pairs.pairs else ():
+            chosen = measure(key)
+            if any(math.isfinite(chosen.of(record)) for pair in pairs.pairs for record in pair):
+                found = compare_records(records, *sides, chosen)
+                alone = found.alone_a + found.alone_b
+                out.append(Compared(base, method, chosen, found.overall, alone))
     return out
 
 
@@ -89,10 +72,9 @@ def claims(collection: Collection, compared: Sequence[Compared]) -> list[str]:
     several = len({c.method for c in compared}) > _METHODS_IN_WORDS
     said = []
     for each in compared:
-        name = each.measure.name
-        if name.startswith("ATE" if several else ("ATE", "ARE", "RTE")):
+        if each.measure.name.startswith("ate" if several else ("ate", "are", "rte")):
             sides = collection.name(each.base), collection.name(each.method)
-            name = f"{collection.against(each.method, each.base)}, {name.rpartition(' ')[0]}"
+            name = f"{collection.against(each.method, each.base)}, {each.measure.label}"
             text = claim(name, each.found, "rms", sides=sides)
             said.append(f"{text}.")
     return said
@@ -125,7 +107,9 @@ def comparison_table(
         "a difference is shown where it excludes zero. p: Wilcoxon's signed-rank test on the "
         "sequences' means."
     )
+    alone = sum({(c.base, c.method): c.alone for c in compared}.values())
     notes = (
+        *([f"{alone} runs have no partner on the other side and are in no pair."] if alone else []),
         f"Routes needed: to show a change of {100 * ASKED_CHANGE:+.0f} % with "
         f"{100 * ASKED_POWER:.0f} % power and {_SEEDS_ASKED} seeds each.".replace("-", "−"),
         "Many intervals stand here: of twenty without any effect one excludes zero by chance.",
@@ -143,7 +127,7 @@ def _row(collection: Collection, each: Compared) -> tuple[Cell, ...]:
     p = found.p_value
     return (
         words(collection.against(each.method, each.base)),
-        words(each.measure.name),
+        words(f"{each.measure.label} {each.measure.unit}".strip()),
         Cell(count(found.whole).parts, f"{missing} missing" if missing else ""),
         count(found.routes),
         Cell((number(found.a.rms, places),)),
@@ -164,21 +148,3 @@ def _change(effect: Effect | None, routes: int) -> Cell:
             (Part(f"{100 * effect.change:+.0f} %, no interval".replace("-", "−"), effect.change),)
         )
     return Cell((Part(span(effect), effect.change),))
-
-
-def _pairs(
-    collection: Collection, group: str, base: Method, method: Method, value: Value
-) -> tuple[list[float], list[float], list[str]]:
-    """Values of both sides, NaN where a run doesn't count, of every seed that either side has."""
-    a, b, routes = [], [], []
-    for route in collection.of(group):
-        sides = []
-        for which in (base, method):
-            records = [entry.record for entry in collection.runs(route, which)]
-            counts = collection.counts
-            sides.append({r.seed: value(r) if counts(r) else math.nan for r in records})
-        for seed in sorted(set(sides[0]) & set(sides[1])):
-            a.append(sides[0][seed])
-            b.append(sides[1][seed])
-            routes.append(route.name)
-    return a, b, routes

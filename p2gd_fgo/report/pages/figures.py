@@ -14,10 +14,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from p2gd_fgo.evaluation.measures import measure
 from p2gd_fgo.evaluation.tracking_quality import LENGTHS
 from p2gd_fgo.report.figures import TEXT, finish
 from p2gd_fgo.report.pages.collection import Collection, Method
-from p2gd_fgo.report.pages.measures import relative, rte_lengths, stage_times, tracking
+from p2gd_fgo.report.pages.measures import length_share, rte_lengths, stage_times
 from p2gd_fgo.report.pages.styles import Style
 from p2gd_fgo.run_directory import TRACKS
 from p2gd_fgo.types import FloatArray
@@ -82,7 +83,7 @@ def rte_figure(
         (method, length): [
             v
             for route in routes
-            for v in collection.values(route, method, lambda r, n=length: relative(r, n, "percent"))  # type: ignore[misc]
+            for v in collection.values(route, method, measure(f"rte_{length:g}"))
         ]
         for method in methods
         for length in lengths
@@ -237,11 +238,6 @@ def _length_shares(folders: Sequence[Path]) -> FloatArray:
 
 
 def _mean_share(collection: Collection, group: str, method: Method, length: int) -> float:
-    values = [
-        v
-        for route in collection.of(group)
-        for v in collection.values(
-            route, method, lambda r: tracking(r, "length_shares", str(length))
-        )
-    ]
-    return 100.0 * float(np.mean(values)) if values else math.nan
+    routes = collection.of(group)
+    values = [v for r in routes for v in collection.values(r, method, length_share(length))]
+    return float(np.mean(values)) if values else math.nan

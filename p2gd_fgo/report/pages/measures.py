@@ -1,14 +1,14 @@
-"""Numbers of a run's record, NaN where it has none."""
+"""Measures that tables and figures of a report add to those that comparisons are made on."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
-from p2gd_fgo.report.pages.collection import Collection, Method, Route, Value
+from p2gd_fgo.evaluation.measures import Measure
+from p2gd_fgo.report.pages.collection import Collection, Method, Route
 from p2gd_fgo.report.pages.sources import Entry
 from p2gd_fgo.run_record import RunRecord
 
@@ -18,26 +18,29 @@ FRAME = "frame"
 _SHORTEST_M = 10.0
 
 
-def metric(record: RunRecord, *path: str) -> float:
-    """A number of the record's metrics, NaN where it isn't there."""
-    return _dig(record.metrics, *path)
+def length_share(length: int) -> Measure:
+    """Percent of the tracks that have exactly this length."""
+
+    def read(record: RunRecord) -> float:
+        share = (record.tracking.get("length_shares") or {}).get(str(length))
+        return 100.0 * share if share is not None else math.nan
+
+    return Measure(f"share_{length}", f"tracks of {length}", "%", None, read)
 
 
-def tracking(record: RunRecord, *path: str) -> float:
-    """A number of the tracks' measures, NaN where it isn't there."""
-    return _dig(record.tracking, *path)
+def cpu(stage: str) -> Measure:
+    """Median CPU of a stage per image."""
+
+    def read(record: RunRecord) -> float:
+        return float((record.cpu_ms.get(stage) or {}).get("median_cpu_ms", math.nan))
+
+    return Measure(f"{stage}_ms", f"CPU, {stage}", "ms", True, read)
 
 
-def relative(record: RunRecord, length_m: float, what: str) -> float:
-    """``percent``, ``rmse_m``, ``rre_deg`` or ``pairs`` of the relative errors of one length."""
-    entries = record.metrics.get("rte") or []
-    return next((_dig(entry, what) for entry in entries if entry["length_m"] == length_m), math.nan)
-
-
-def main_alignment(entries: Sequence[Entry]) -> str:
-    """The one that all runs name, else yaw_pos, which every path determines."""
-    named = {e.record.metrics.get("alignment") for e in entries} - {None}
-    return str(named.pop()) if len(named) == 1 else "yaw_pos"
+def completeness(record: RunRecord) -> float:
+    """Share of the images with an estimate, NaN where it isn't known."""
+    share = record.metrics.get("completeness")
+    return float(share) if share is not None else math.nan
 
 
 def rte_lengths(records: Sequence[RunRecord]) -> list[float]:
@@ -45,15 +48,6 @@ def rte_lengths(records: Sequence[RunRecord]) -> list[float]:
     entries = [entry for record in records for entry in record.metrics.get("rte") or []]
     lengths = sorted({float(entry["length_m"]) for entry in entries})
     return [length for length in lengths if length >= _SHORTEST_M] or lengths
-
-
-def cpu(stage: str) -> Value:
-    """Median CPU of a stage per image, ms."""
-
-    def value(record: RunRecord) -> float:
-        return _dig(record.cpu_ms, stage, "median_cpu_ms")
-
-    return value
 
 
 def stage_times(
@@ -68,8 +62,7 @@ def stage_times(
     return found
 
 
-def _dig(data: Mapping[str, Any], *path: str) -> float:
-    found: Any = data
-    for name in path:
-        found = found.get(name) if isinstance(found, Mapping) else None
-    return float(found) if isinstance(found, int | float) else math.nan
+def main_alignment(entries: Sequence[Entry]) -> str:
+    """The one that all runs name, else yaw_pos, which every path determines."""
+    named = {e.record.metrics.get("alignment") for e in entries} - {None}
+    return str(named.pop()) if len(named) == 1 else "yaw_pos"

@@ -9,9 +9,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from p2gd_fgo.report.pages.collection import PARTIAL, Baseline, Collection, completeness
+from p2gd_fgo.evaluation.measures import WHOLE_RUN, counts, measure
+from p2gd_fgo.report.pages.collection import Baseline, Collection
 from p2gd_fgo.report.pages.links import relative_url
-from p2gd_fgo.report.pages.measures import FRAME, cpu, metric
+from p2gd_fgo.report.pages.measures import FRAME, completeness, cpu
 from p2gd_fgo.report.pages.sources import Entry
 from p2gd_fgo.report.pages.table_model import (
     Cell,
@@ -64,8 +65,7 @@ def alarms(collection: Collection, remarks: Sequence[str]) -> list[Alarm]:
     records = [entry.record for entry in collection.entries]
     ended = [r for r in records if r.status != "done"]
     done = [record for record in records if record.status == "done"]
-    short = [record for record in done if not collection.counts(record)]
-    low = [r for r in done if collection.counts(r) and completeness(r) < PARTIAL]
+    short = [record for record in done if not counts(record)]
     blind = [record for record in done if not record.metrics.get("ate_m")]
     codes = {r.code for r in records if r.code}
     versions = {tuple(sorted(r.versions.items())) for r in records if r.versions}
@@ -75,15 +75,12 @@ def alarms(collection: Collection, remarks: Sequence[str]) -> list[Alarm]:
             (f"{_who(collection, r)}: {r.status}: {r.reason}" for r in ended),
         ),
         _alarm(
-            f"{len(short)} runs stopped early and don't count",
-            (f"{_who(collection, r)}: {_share(r)}" for r in short),
+            f"{len(short)} of {len(records)} runs have an estimate for fewer than "
+            f"{100 * WHOLE_RUN:.0f} % of the images and don't count",
+            (f"{_who(collection, r)}: {100 * completeness(r):.1f} %" for r in short),
         ),
         _alarm(
-            f"{len(low)} runs that count estimated fewer than {100 * PARTIAL:.0f} % of the images",
-            (f"{_who(collection, r)}: {_share(r)}" for r in low),
-        ),
-        _alarm(
-            f"{len(blind)} runs have no truth to compare with",
+            f"{len(blind)} of {len(records)} runs have no truth to compare with",
             (_who(collection, record) for record in blind),
         ),
         _alarm("Runs that are not counted", remarks),
@@ -105,9 +102,9 @@ def runs_table(collection: Collection, alignment: str, page: Path) -> ReportTabl
         ),
     )
     records = [entry.record for entry in entries]
-    ate = [metric(r, "ate_m", alignment, "rmse") for r in records]
-    are = [metric(r, "are_deg", alignment, "rmse") for r in records]
-    frame = [cpu(FRAME)(r) for r in records]
+    ate = [measure(f"ate_{alignment}").read(r) for r in records]
+    are = [measure(f"are_{alignment}").read(r) for r in records]
+    frame = [cpu(FRAME).read(r) for r in records]
     places = decimals(ate), decimals(are), decimals(frame)
     several = len(collection.groups) > 1
     reasons = any(record.reason for record in records)
@@ -159,10 +156,6 @@ def _link(entry: Entry, page: Path) -> Cell:
 def _who(collection: Collection, record: RunRecord) -> str:
     method = collection.name(collection.method(record))
     return f"{record.sequence}, {method}, seed {record.seed}"
-
-
-def _share(record: RunRecord) -> str:
-    return f"{100 * completeness(record):.1f} % of the images have an estimate"
 
 
 def _alarm(title: str, lines: Iterable[str]) -> Alarm | None:

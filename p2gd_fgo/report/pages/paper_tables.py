@@ -4,26 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
+from p2gd_fgo.evaluation.measures import Measure, counts, measure
 from p2gd_fgo.evaluation.tracking_quality import LENGTHS
-from p2gd_fgo.report.pages.collection import (
-    Baseline,
-    Collection,
-    Method,
-    Route,
-    Value,
-    counterpart,
-)
-from p2gd_fgo.report.pages.measures import (
-    FRAME,
-    STAGES,
-    cpu,
-    metric,
-    relative,
-    rte_lengths,
-    tracking,
-)
+from p2gd_fgo.report.pages.collection import Baseline, Collection, Method, Route, counterpart
+from p2gd_fgo.report.pages.measures import FRAME, STAGES, cpu, length_share, rte_lengths
 from p2gd_fgo.report.pages.table_model import (
     Cell,
     Column,
@@ -41,23 +26,15 @@ _SHORTEST_M = 10.0
 _Numbers = tuple[float, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Measures:
-    """What the cells of a table hold: ``ARE °``, ``ATE m`` and where they come from."""
-
-    names: tuple[str, ...]
-    values: tuple[Value, ...]
-
-
 class _Grid:
     """Means over the seeds by route and method, and their RMS over the routes."""
 
-    def __init__(self, collection: Collection, group: str, measures: Measures) -> None:
+    def __init__(self, collection: Collection, group: str, measures: Sequence[Measure]) -> None:
         self.routes, self.methods = collection.of(group), collection.methods_of(group)
-        self.collection, self.measures = collection, measures
+        self.collection = collection
         self.means: dict[tuple[Route, Method], _Numbers] = {
             (route, method): tuple(
-                mean(collection.values(route, method, value)) for value in measures.values
+                mean(collection.values(route, method, measure)) for measure in measures
             )
             for route in self.routes
             for method in self.methods
@@ -67,7 +44,7 @@ class _Grid:
             for route in self.routes
             if all(math.isfinite(v) for m in self.methods for v in self.means[route, m])
         ]
-        count = len(measures.names)
+        count = len(measures)
         self.rms: dict[Method, _Numbers] = {
             method: tuple(rms([self.means[r, method][k] for r in self.whole]) for k in range(count))
             for method in self.methods
@@ -100,7 +77,7 @@ class _Grid:
 def mark(collection: Collection, route: Route, method: Method) -> str:
     """``2/3`` where only so many of the runs count."""
     records = [entry.record for entry in collection.runs(route, method)]
-    counting = sum(map(collection.counts, records))
+    counting = sum(map(counts, records))
     return f"{counting}/{len(records)}" if counting < len(records) else ""
 
 
@@ -108,58 +85,35 @@ def absolute_table(
     collection: Collection, group: str, baseline: Baseline | None, alignment: str
 ) -> ReportTable | None:
     """ARE and ATE (paper Tables III and VI); None where no run has truth."""
-    measures = Measures(
-        ("ARE °", "ATE m"),
-        (
-            lambda record: metric(record, "are_deg", alignment, "rmse"),
-            lambda record: metric(record, "ate_m", alignment, "rmse"),
-        ),
-    )
-    grid = _Grid(collection, group, measures)
-    title = "Absolute pose error"
-    aligned = f"RMSE, aligned by {alignment} ({ALIGNMENT_MEANING[alignment]})"
-    return _by_method("absolute", title, aligned, grid, baseline, "decrease")
+    grid = _Grid(collection, group, [measure(f"are_{alignment}"), measure(f"ate_{alignment}")])
+    what = f"RMSE, aligned by {alignment} ({ALIGNMENT_MEANING[alignment]})"
+    names = ("ARE °", "ATE m")
+    return _by_method("absolute", "Absolute pose error", what, names, grid, baseline, "decrease")
 
 
 def tracking_table(
     collection: Collection, group: str, baseline: Baseline | None
 ) -> ReportTable | None:
     """Track length and parallax (paper Tables I and IV)."""
-    measures = Measures(
-        ("length images", "two-view °", "total °"),
-        (
-            lambda record: tracking(record, "mean_length"),
-            lambda record: tracking(record, "two_view_parallax_deg"),
-            lambda record: tracking(record, "total_parallax_deg"),
-        ),
-    )
-    grid = _Grid(collection, group, measures)
+    keys = ("mean_length", "two_view_parallax", "total_parallax")
+    grid = _Grid(collection, group, list(map(measure, keys)))
     what = "Mean length and parallax of all tracks, rotation taken out"
-    return _by_method("tracking", "Tracking quality", what, grid, baseline, "increase")
+    names = ("images", "two-view °", "total °")
+    return _by_method("tracking", "Tracking quality", what, names, grid, baseline, "increase")
 
 
 def per_image_table(collection: Collection, group: str) -> ReportTable | None:
     """Features and parallax per image, which the paper's means by track hide."""
-    measures = Measures(
-        ("features", "parallax °", "tracks ≥ 10"),
-        (
-            lambda record: tracking(record, "features_per_frame"),
-            lambda record: tracking(record, "total_parallax_per_frame_deg"),
-            lambda record: tracking(record, "tracks_10_per_frame"),
-        ),
-    )
-    grid = _Grid(collection, group, measures)
+    keys = ("features", "parallax_per_image", "tracks_10")
+    grid = _Grid(collection, group, list(map(measure, keys)))
     what = "Features, parallax and tracks that reached 10 images, each over the number of images"
-    return _by_method("per_image", "Tracking per image", what, grid, None, "")
+    names = ("features", "parallax °", "tracks ≥ 10")
+    return _by_method("per_image", "Tracking per image", what, names, grid, None, "")
 
 
 def lengths_table(collection: Collection, group: str) -> ReportTable | None:
     """Shares of the tracks with some lengths (paper Tables II and V)."""
-
-    def share(length: int) -> Value:
-        return lambda record: 100.0 * tracking(record, "length_shares", str(length))
-
-    grids = [_Grid(collection, group, Measures(("%",), (share(n),))) for n in LENGTHS]
+    grids = [_Grid(collection, group, [length_share(n)]) for n in LENGTHS]
     heads = [Column(f"{n} image{'s' if n > 1 else ''}") for n in LENGTHS]
     what = "Percent of all tracks that were seen in exactly so many images"
     return _by_length("lengths", "Tracks by length", what, grids, heads, None)
@@ -169,18 +123,9 @@ def relative_table(
     collection: Collection, group: str, baseline: Baseline | None
 ) -> ReportTable | None:
     """RRE and RTE by length (paper Table VII)."""
-
-    def of(length: float, what: str) -> Value:
-        return lambda record: relative(record, length, what)
-
     lengths = rte_lengths([e.record for e in collection.entries if e.record.group == group])
     grids = [
-        _Grid(
-            collection,
-            group,
-            Measures(("RRE °", "RTE %"), (of(length, "rre_deg"), of(length, "percent"))),
-        )
-        for length in lengths
+        _Grid(collection, group, [measure(f"rre_{n:g}"), measure(f"rte_{n:g}")]) for n in lengths
     ]
     heads = [Column(f"{length:g} m", ("RRE °", "RTE %")) for length in lengths]
     what = "RMSE over all pairs of poses so far apart on the truth, which needs no alignment"
@@ -190,21 +135,25 @@ def relative_table(
 def runtime_table(collection: Collection, group: str) -> ReportTable | None:
     """CPU per image and stage (paper Table IX)."""
     stages = [s for s in STAGES if any(s in e.record.cpu_ms for e in collection.entries)]
-    grids = [
-        _Grid(collection, group, Measures(("ms",), (cpu(stage),))) for stage in (*stages, FRAME)
-    ]
+    grids = [_Grid(collection, group, [cpu(stage)]) for stage in (*stages, FRAME)]
     heads = [Column(name) for name in (*stages, "whole frame")]
     what = "Median process CPU in ms, reading the image left out"
     return _by_length("runtime", "Runtime per image", what, grids, heads, None)
 
 
 def _by_method(
-    key: str, title: str, what: str, grid: _Grid, baseline: Baseline | None, change: str
+    key: str,
+    title: str,
+    what: str,
+    names: tuple[str, ...],
+    grid: _Grid,
+    baseline: Baseline | None,
+    change: str,
 ) -> ReportTable | None:
     """Rows are routes, columns methods; beside them the change against the baseline."""
     if grid.empty:
         return None
-    collection, names = grid.collection, grid.measures.names
+    collection = grid.collection
     pairs = _pairs(collection, grid.methods, baseline)
     sign = 1 if change == "decrease" else -1
 
