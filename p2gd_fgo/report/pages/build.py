@@ -8,6 +8,7 @@ from pathlib import Path
 
 from p2gd_fgo.report.pages.collection import Baseline, Collection, choose_baseline
 from p2gd_fgo.report.pages.comparison import claims, compare_group, comparison_table
+from p2gd_fgo.report.pages.episode_tables import compare_pieces, episode_table, largest_table
 from p2gd_fgo.report.pages.figures import (
     ReportFigure,
     rte_figure,
@@ -145,6 +146,7 @@ def _sections(
     of = f": {group}" if len(collection.groups) > 1 else ""
     compared = compare_group(collection, group, baseline, alignment) if baseline else []
     looks = styles(collection)
+    pieces = compare_pieces(collection, group, baseline) if baseline else []
     chapters: list[_Chapter] = [
         ("paired", "Comparison", claims(collection, compared), [
             comparison_table(collection, compared, alignment),
@@ -153,6 +155,10 @@ def _sections(
             absolute_table(collection, group, baseline, alignment),
             relative_table(collection, group, baseline),
         ], lambda: _accuracy_figures(collection, group, alignment)),
+        ("episodes", "Where the error is made", [], [
+            episode_table(pieces),
+            largest_table(pieces),
+        ], lambda: []),
         ("tracking", "Tracking", [], [
             tracking_table(collection, group, baseline),
             per_image_table(collection, group),

@@ -1,6 +1,6 @@
 "use strict";
 for (const table of document.querySelectorAll("table.sortable")) {
-  const body = table.tBodies[0];
+  const body = table.querySelector("tbody.rows");
   const value = (row, column) => {
     const cell = row.cells[column];
     const order = cell.dataset.order;
