@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from p2gd_fgo.report.pages.collection import Baseline, Collection, choose_baseline
@@ -174,11 +174,17 @@ def _sections(
             f"{key}-{number}" if number else key,
             title + of,
             tuple(said),
-            tables=tuple(table for table in tables if table is not None),
+            tables=tuple(_of_group(table, of, number) for table in tables if table is not None),
             figures=tuple(figure for figure in drawn if figure is not None),
         )
         if section.tables or section.figures:
             yield section
+
+
+def _of_group(table: ReportTable, of: str, number: int) -> ReportTable:
+    """The table with a key and a title of its own where there are several groups."""
+    key = f"{table.key}-{number}" if number else table.key
+    return replace(table, key=key, title=table.title + of)
 
 
 def _accuracy_figures(

@@ -132,19 +132,19 @@ def _row(collection: Collection, each: Compared) -> tuple[Cell, ...]:
         count(found.routes),
         Cell((number(found.a.rms, places),)),
         Cell((number(found.b.rms, places),)),
-        _change(found.effects.get("rms"), found.routes),
-        _change(found.effects.get("mean"), found.routes),
+        change_cell(found.effects.get("rms")),
+        change_cell(found.effects.get("mean")),
         Cell((Part(f"{p:.3f}" if p >= 0.001 else "< 0.001", p),)) if p is not None else words(NONE),
         Cell((number(better, 0),)),
         Cell((Part(str(routes), float(routes)),)) if routes else words(NONE),
     )
 
 
-def _change(effect: Effect | None, routes: int) -> Cell:
+def change_cell(effect: Effect | None) -> Cell:
+    """The change with its interval, which below 3 routes there isn't."""
     if effect is None:
         return words(NONE)
+    text = span(effect)
     if not math.isfinite(effect.low):
-        return Cell(
-            (Part(f"{100 * effect.change:+.0f} %, no interval".replace("-", "−"), effect.change),)
-        )
-    return Cell((Part(span(effect), effect.change),))
+        text = f"{text.partition('[')[0].strip()}, no interval"
+    return Cell((Part(text, effect.change),))

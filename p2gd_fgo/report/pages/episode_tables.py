@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from p2gd_fgo.errors import DataError
-from p2gd_fgo.evaluation.bootstrap import Effect
-from p2gd_fgo.evaluation.claims import span
 from p2gd_fgo.evaluation.episodes import (
     EpisodeRow,
     SegmentPair,
@@ -20,6 +18,7 @@ from p2gd_fgo.evaluation.record_pairs import pair_records
 from p2gd_fgo.evaluation.run_segments import run_segments
 from p2gd_fgo.evaluation.segments import Segment
 from p2gd_fgo.report.pages.collection import Baseline, Collection, Method, counterpart
+from p2gd_fgo.report.pages.comparison import change_cell
 from p2gd_fgo.report.pages.sources import Entry
 from p2gd_fgo.report.pages.table_model import (
     Cell,
@@ -81,11 +80,11 @@ def episode_table(compared: Sequence[ComparedPieces]) -> ReportTable | None:
         Column("what happens", numeric=False),
         Column("pieces"),
         Column("routes"),
+        Column("difference %"),
+        Column("rotation °", secondary=True),
+        Column("part"),
         Column("error %", _SIDES),
         *(Column(_BESIDE[name], _SIDES, secondary=True) for name in measures),
-        Column("difference"),
-        Column("rotation", secondary=True),
-        Column("part"),
     )
     caption = (
         "The way in pieces of 10 m, by what happens in them: standing still for a tenth of the "
@@ -93,15 +92,12 @@ def episode_table(compared: Sequence[ComparedPieces]) -> ReportTable | None:
         "of the motion over a piece, in percent of its length; no alignment."
     )
     notes = (
-        "Difference: of the mean errors with its 95 % interval, in percent of the length; rotation "
-        "in degrees. Part: share of these pieces in the change of the mean square error; the parts "
-        "add up to that of all.",
+        "Difference: of the mean errors, with its 95 % interval. Part: share of these pieces in "
+        "the change of the mean square error; the parts add up to that of all.",
         "Features, tracks seen in 10 images or more, those of them beyond 60 m, and observations "
         "that the gates rejected: means per image.",
     )
-    return ReportTable(
-        "episodes", "Where the error is made", caption, columns, tuple(rows), notes=notes
-    )
+    return ReportTable("episodes", "By what happens", caption, columns, tuple(rows), notes=notes)
 
 
 def largest_table(compared: Sequence[ComparedPieces]) -> ReportTable | None:
@@ -148,16 +144,12 @@ def _row(name: str, row: EpisodeRow, measures: Sequence[str]) -> tuple[Cell, ...
         words(row.kind),
         count(row.pieces),
         count(row.routes),
+        change_cell(row.translation),
+        change_cell(row.rotation),
+        Cell((Part(f"{100 * row.part:+.0f} %".replace("-", "−"), row.part),)),
         both("translation_percent"),
         *map(both, measures),
-        _span(row.translation),
-        _span(row.rotation),
-        Cell((Part(f"{100 * row.part:+.0f} %".replace("-", "−"), row.part),)),
     )
-
-
-def _span(effect: Effect) -> Cell:
-    return Cell((Part(span(effect), effect.change),))
 
 
 def _runs(

@@ -17,5 +17,5 @@ def relative_url(target: Path, page: Path) -> str:
 
 def file_name(*parts: str) -> str:
     """Parts joined to the name of a file that every system takes."""
-    plain = [re.sub(r"[^A-Za-z0-9.-]+", "-", part).strip("-.") for part in parts]
+    plain = [re.sub(r"[^A-Za-z0-9._-]+", "-", part).strip("-.") for part in parts]
     return "_".join(part for part in plain if part)

@@ -44,7 +44,7 @@ def facts(
 ) -> list[tuple[str, str]]:
     """What was run: name and value."""
     records = [entry.record for entry in collection.entries]
-    states = Counter(record.status for record in records)
+    states = Counter(sorted((r.status for r in records), key=lambda s: (s != "done", s)))
     share = [v for r in records if math.isfinite(v := completeness(r))]
     found = [
         ("runs", f"{len(records)}: " + ", ".join(f"{n} {state}" for state, n in states.items())),

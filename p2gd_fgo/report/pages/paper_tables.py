@@ -39,11 +39,8 @@ class _Grid:
             for route in self.routes
             for method in self.methods
         }
-        self.whole = [
-            route
-            for route in self.routes
-            if all(math.isfinite(v) for m in self.methods for v in self.means[route, m])
-        ]
+        known = [m for m in self.methods if any(self._known(route, m) for route in self.routes)]
+        self.whole = [r for r in self.routes if all(self._known(r, m) for m in known)]
         count = len(measures)
         self.rms: dict[Method, _Numbers] = {
             method: tuple(rms([self.means[r, method][k] for r in self.whole]) for k in range(count))
@@ -52,6 +49,9 @@ class _Grid:
         self.decimals = [
             decimals(numbers[k] for numbers in self.means.values()) for k in range(count)
         ]
+
+    def _known(self, route: Route, method: Method) -> bool:
+        return all(map(math.isfinite, self.means[route, method]))
 
     @property
     def empty(self) -> bool:

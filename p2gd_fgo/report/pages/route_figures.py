@@ -126,5 +126,5 @@ def _which(drawn: DrawnRoute, alignment: str) -> str:
         f"Aligned by {alignment} ({ALIGNMENT_MEANING[alignment]}); one run each, seed {drawn.seed}"
     )
     if drawn.left_out:
-        text += f"; {drawn.left_out} methods are not drawn"
+        text += f"; not drawn: {drawn.left_out} of the methods"
     return text + "."

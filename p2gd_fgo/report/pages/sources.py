@@ -50,46 +50,63 @@ def find_runs(places: Sequence[Path]) -> Found:
     DataError
         A place doesn't exist or holds no run, or a file in it can't be read.
     """
-    entries: dict[str, Entry] = {}
-    folders: dict[Path, None] = {}
-    remarks = []
+    entries: list[Entry] = []
+    remarks: list[str] = []
+    files: dict[Path, None] = {}
     for place in places:
-        found = list(_walk(place))
+        found = [path.resolve() for path in _walk(place)]
         if not found:
             raise DataError(
                 f"{place}: neither a run directory nor a folder with any below it, nor a study's "
                 f"{RESULTS}; give the --out of a run, a comparison or a study"
             )
-        for path in found:
-            if path.is_dir():
-                folders.setdefault(path.resolve())
-                continue
-            for record in read_records(path):
-                entries[record.key] = Entry(record, _kept(path.parent, record))
+        files |= dict.fromkeys(found)
+    for path in files:
+        if path.is_file():
+            entries += _of_study(path, remarks)
+    entries += _of_folders([path for path in files if path.is_dir()], remarks)
+    return Found(tuple(entries), tuple(remarks))
+
+
+def _of_study(path: Path, remarks: list[str]) -> Iterator[Entry]:
+    """Of lines with the same labels the last counts: the study went on with other code or data."""
+    last: dict[tuple[object, ...], RunRecord] = {}
+    records = read_records(path)
+    for record in records:
+        last[_labels(record)] = record
+    if len(last) < len(records):
+        remarks.append(
+            f"{path}: {len(records) - len(last)} runs stand in it again further on, made with "
+            "other code, data or options that are no axis; the last of each counts"
+        )
+    for record in last.values():
+        folder = path.parent / record.directory if record.directory else None
+        yield Entry(record, folder if folder and folder.is_dir() else None)
+
+
+def _of_folders(folders: Sequence[Path], remarks: list[str]) -> Iterator[Entry]:
     read = [read_folder(path) for path in folders]
-    for folder in read:
-        if folder.state == "running":
-            remarks.append(
-                f"{folder.path}: says that it is running, or was killed; it is not counted"
-            )
+    remarks += [
+        f"{folder.path}: says that it is running, or was killed; it is not counted"
+        for folder in read
+        if folder.state == "running"
+    ]
     ended = [folder for folder in read if folder.state != "running"]
-    alike: dict[tuple[object, ...], RunRecord] = {}
+    alike: dict[tuple[object, ...], Path] = {}
     for folder, record in zip(ended, records_of(ended), strict=True):
-        what = (record.sequence, *sorted((k, str(v)) for k, v in record.axes.items()))
-        if what in alike:
+        first = alike.setdefault(_labels(record), folder.path)
+        if first == folder.path:
+            yield Entry(record, folder.path)
+        else:
             remarks.append(
-                f"{folder.path}: has configuration, recording and seed of {alike[what].directory}; "
-                "it is not counted"
+                f"{folder.path}: has configuration, recording and seed of {first}; it is not "
+                "counted"
             )
-            continue
-        alike[what] = record
-        entries[record.key] = Entry(record, folder.path)
-    return Found(tuple(entries.values()), tuple(remarks))
 
 
-def _kept(study: Path, record: RunRecord) -> Path | None:
-    path = study / record.directory if record.directory else None
-    return path if path and path.is_dir() else None
+def _labels(record: RunRecord) -> tuple[object, ...]:
+    axes = sorted((axis, str(label)) for axis, label in record.axes.items())
+    return (record.study, record.group, record.route, record.seed, *axes)
 
 
 def _walk(place: Path) -> Iterator[Path]:

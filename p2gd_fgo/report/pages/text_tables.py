@@ -14,7 +14,7 @@ from rich.text import Text
 from p2gd_fgo.report.layout import title
 from p2gd_fgo.report.pages.table_model import Cell, ReportTable
 
-_GUTTER = 2
+_GUTTER = 3  # a blank on each side of a column, and one between two
 _MARKDOWN = re.compile(r"([\\`*_{}\[\]|~#])")
 _LATEX = {
     "\\": r"\textbackslash{}", "{": r"\{", "}": r"\}", "$": r"\$", "&": r"\&", "%": r"\%",
