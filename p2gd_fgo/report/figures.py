@@ -43,7 +43,7 @@ def trajectory_figure(
     estimate
         As estimated; drawn aligned where ``errors`` are given. May be empty.
     truth
-        Drawn in full.
+        Drawn in full: give the part that the run was about.
     errors
         See :func:`p2gd_fgo.evaluation.evaluate.error_series`.
     title, note

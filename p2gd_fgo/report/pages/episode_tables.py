@@ -94,6 +94,7 @@ def episode_table(compared: Sequence[ComparedPieces]) -> ReportTable | None:
     notes = (
         "Difference: of the mean errors, with its 95 % interval. Part: share of these pieces in "
         "the change of the mean square error; the parts add up to that of all.",
+        "Below 3 routes an interval resamples the pieces and speaks of these recordings alone.",
         "Features, tracks seen in 10 images or more, those of them beyond 60 m, and observations "
         "that the gates rejected: means per image.",
     )
@@ -146,7 +147,7 @@ def _row(name: str, row: EpisodeRow, measures: Sequence[str]) -> tuple[Cell, ...
         count(row.routes),
         change_cell(row.translation),
         change_cell(row.rotation),
-        Cell((Part(f"{100 * row.part:+.0f} %".replace("-", "−"), row.part),)),
+        Cell((Part(f"{number(100 * row.part, 0, sign=True).text} %", row.part),)),
         both("translation_percent"),
         *map(both, measures),
     )

@@ -237,9 +237,10 @@ def _caption(what: str, grid: _Grid) -> str:
     runs = [n for n in seeds if n]
     each = f"{min(runs)}" if min(runs) == max(runs) else f"{min(runs)} to {max(runs)}"
     text = f"{what}. {sum(runs)} runs, {each} of each method on each sequence"
+    over = " RMS: over the sequences that every method got through." * (len(grid.routes) > 1)
     if max(runs) == 1:
-        return f"{text}: a difference may be chance."
-    return f"{text}; each cell is the mean of those that count."
+        return f"{text}: a difference may be chance.{over}"
+    return f"{text}; each cell is the mean of those that count.{over}"
 
 
 def _notes(rows: Sequence[Sequence[Cell]]) -> tuple[str, ...]:

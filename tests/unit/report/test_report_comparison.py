@@ -114,7 +114,7 @@ def test_the_error_is_found_in_the_turns() -> None:
     turning = dict(zip(names, rows["turning"], strict=True))
     assert turning["error %"] == "1.00 / 3.00"
     assert turning["part"] == rows["all"][names.index("part")] != "0 %"
-    assert rows["straight on"][names.index("part")] == "+0 %"
+    assert rows["straight on"][names.index("part")] == "0 %"
     worst = largest_table(compared)
     assert worst is not None
     assert {row[4].text for row in worst.rows} == {"turning"}
