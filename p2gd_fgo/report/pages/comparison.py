@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from p2gd_fgo.evaluation.bootstrap import Effect
 from p2gd_fgo.evaluation.claims import claim, span
-from p2gd_fgo.evaluation.measures import Measure, measure
+from p2gd_fgo.evaluation.measures import Measure, counts, measure
 from p2gd_fgo.evaluation.paired import ASKED_CHANGE, ASKED_POWER, Comparison
 from p2gd_fgo.evaluation.record_pairs import compare_records, pair_records
 from p2gd_fgo.report.layout import NONE
@@ -24,6 +24,7 @@ from p2gd_fgo.report.pages.table_model import (
     number,
     words,
 )
+from p2gd_fgo.run_record import RunRecord
 
 _EXPLAINING = ("mean_length", "total_parallax", "features", "frame_ms")
 _SEEDS_ASKED = 3
@@ -60,11 +61,24 @@ def compare_group(
         pairs = pair_records(records, *sides)
         for key in keys if pairs.pairs else ():
             chosen = measure(key)
-            if any(math.isfinite(chosen.of(record)) for pair in pairs.pairs for record in pair):
-                found = compare_records(records, *sides, chosen)
+            fitting = _fitting(records, chosen)
+            routes = {record.route for record in fitting}
+            paired = [r for pair in pairs.pairs for r in pair if r.route in routes]
+            if any(math.isfinite(chosen.of(record)) for record in paired):
+                found = compare_records(fitting, *sides, chosen)
                 alone = found.alone_a + found.alone_b
                 out.append(Compared(base, method, chosen, found.overall, alone))
     return out
+
+
+def _fitting(records: Sequence[RunRecord], chosen: Measure) -> list[RunRecord]:
+    """Runs of the routes on which the measure can be: a short one has no RTE at 200 m.
+
+    A route where no run counts stays: its runs are failures, not too short.
+    """
+    counting = {record.route for record in records if counts(record)}
+    known = {record.route for record in records if math.isfinite(chosen.of(record))}
+    return [record for record in records if record.route not in counting - known]
 
 
 def claims(collection: Collection, compared: Sequence[Compared]) -> list[str]:

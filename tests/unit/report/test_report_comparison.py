@@ -68,6 +68,18 @@ def test_failures_are_in_the_claim_and_in_the_table() -> None:
     assert table is not None and table.rows[0][2].text == "35 (1 missing)"
 
 
+def test_a_route_too_short_for_a_length_is_no_failure() -> None:
+    runs = made(routes=4, seeds=1)
+    short = metrics(1.0, 1.0, 1.0)
+    short["rte"] = short["rte"][:2]
+    runs = [replace(r, metrics=short) if r.route == "car-200" else r for r in runs]
+    found = collection(runs)
+    said = claims(found, compare_group(found, "car", GRID, "yaw_pos"))
+    assert "n = 4 over 4 routes" in said[2] and "RTE 10 m" in said[2]
+    assert "n = 3 over 3 routes" in said[4] and "RTE 100 m" in said[4]
+    assert not any("left out" in text for text in said)
+
+
 def test_a_group_is_compared_by_itself() -> None:
     runs = made(noise=0.02) + made(groups=["robot"], effects={"grid": 1.0, "p2gd": 1.5}, noise=0.02)
     found = collection(runs)
