@@ -158,7 +158,7 @@ def run_experiment(
     trajectory_figure(
         directory.file(FIGURE),
         result.estimate,
-        truth,
+        None if truth is None else _during(truth, sequence),
         errors,
         title=f"{name} · {config.backend.kind} · {config.distribution.kind}",
         note="" if result.status == "done" else f"failed: {result.reason}",
@@ -232,6 +232,13 @@ def _tracking(sequence: Sequence, result: RunResult, truth: Trajectory | None) -
     T_imu_cam = sequence.calibration.T_imu_cam
     rotations = camera_rotations(record.stamps_ns, truth, estimate, T_imu_cam)
     return tracking_quality(record, rotations)
+
+
+def _during(truth: Trajectory, sequence: Sequence) -> Trajectory:
+    """The truth while images were taken: a recording cut short is drawn no further."""
+    first, last = sequence.image_stamps_ns[[0, -1]]
+    inside = (truth.stamps_ns >= first) & (truth.stamps_ns <= last)
+    return Trajectory(truth.stamps_ns[inside], truth.T_world_imu[inside])
 
 
 def _frames(

@@ -17,6 +17,7 @@ from p2gd_fgo.cli.compare import compare
 from p2gd_fgo.cli.convert import convert
 from p2gd_fgo.cli.evaluate import evaluate
 from p2gd_fgo.cli.explain import explain
+from p2gd_fgo.cli.report import report
 from p2gd_fgo.cli.run import demo, run
 from p2gd_fgo.cli.simulate import simulate
 from p2gd_fgo.errors import P2gdError
@@ -33,6 +34,7 @@ app.command()(demo)
 app.command()(compare)
 app.command()(explain)
 app.command()(evaluate)
+app.command()(report)
 app.command()(simulate)
 app.command()(convert)
 app.add_typer(config_commands.app, name="config")

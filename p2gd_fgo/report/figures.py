@@ -14,7 +14,7 @@ from p2gd_fgo.atomic_files import atomic_path
 from p2gd_fgo.evaluation.evaluate import ErrorSeries
 from p2gd_fgo.types import NANOSECONDS, FloatArray, IntArray, Trajectory
 
-_TRUTH, _ESTIMATE, _ROTATION = "#8a8f98", "#1f6feb", "#d9730d"
+TRUTH, _ESTIMATE, _ROTATION = "#8a8f98", "#1f6feb", "#d9730d"
 TEXT, FRAME, _ALARM = "#444", "#c7cbd1", "#b00020"
 _GAP_S = 0.5  # a line is broken where two poses lie farther apart
 _ALIGNED_BY = {
@@ -43,7 +43,7 @@ def trajectory_figure(
     estimate
         As estimated; drawn aligned where ``errors`` are given. May be empty.
     truth
-        Drawn in full.
+        Drawn in full: give the part that the run was about.
     errors
         See :func:`p2gd_fgo.evaluation.evaluate.error_series`.
     title, note
@@ -63,7 +63,7 @@ def trajectory_figure(
     if errors is None:
         axes = figure.add_subplot(grid[:, 1])
         height = shown.T_world_imu[:, 2, 3]
-        axes.plot(*_broken(shown.stamps_ns, height, start), color=_ESTIMATE, lw=1.4)
+        axes.plot(*broken(shown.stamps_ns, height, start), color=_ESTIMATE, lw=1.4)
         finish(axes, "height (m)", "time since the first estimate (s)")
     else:
         upper = figure.add_subplot(grid[0, 1])
@@ -80,10 +80,10 @@ def trajectory_figure(
 
 def _top_view(axes: Axes, estimate: Trajectory, truth: Trajectory | None, title: str) -> None:
     if truth is not None and len(truth):
-        xy = _broken_path(truth)
-        axes.plot(xy[:, 0], xy[:, 1], color=_TRUTH, lw=3.2, alpha=0.75, label="truth")
+        xy = broken_path(truth)
+        axes.plot(xy[:, 0], xy[:, 1], color=TRUTH, lw=3.2, alpha=0.75, label="truth")
     if len(estimate):
-        xy = _broken_path(estimate)
+        xy = broken_path(estimate)
         axes.plot(xy[:, 0], xy[:, 1], color=_ESTIMATE, lw=1.4, label="estimate")
         marks = (("o", "white", "start", 0), ("s", _ESTIMATE, "end", -1))
         for marker, face, label, index in marks:
@@ -115,10 +115,10 @@ def _error(
     color: str,
     name_unit: tuple[str, str],
 ) -> None:
-    seconds, broken = _broken(stamps_ns, values, start_ns)
+    seconds, shown = broken(stamps_ns, values, start_ns)
     rmse = float(np.sqrt(np.mean(values**2)))
-    axes.fill_between(seconds, 0.0, broken, color=color, alpha=0.13, lw=0)
-    axes.plot(seconds, broken, color=color, lw=1.4)
+    axes.fill_between(seconds, 0.0, shown, color=color, alpha=0.13, lw=0)
+    axes.plot(seconds, shown, color=color, lw=1.4)
     axes.axhline(rmse, color="#333", lw=1.0, ls=(0, (4, 3)))
     axes.set_ylim(0.0, max(1.12 * float(values.max()), 1e-6))
     name, unit = name_unit
@@ -141,14 +141,12 @@ def _gaps(stamps_ns: IntArray) -> IntArray:
     return np.flatnonzero(np.diff(stamps_ns) > _GAP_S * NANOSECONDS) + 1
 
 
-def _broken_path(trajectory: Trajectory) -> FloatArray:
+def broken_path(trajectory: Trajectory) -> FloatArray:
     """Top view (M, 2) with a row of NaN in every gap."""
     return np.insert(trajectory.T_world_imu[:, :2, 3], _gaps(trajectory.stamps_ns), np.nan, axis=0)
 
 
-def _broken(
-    stamps_ns: IntArray, values: FloatArray, start_ns: int
-) -> tuple[FloatArray, FloatArray]:
+def broken(stamps_ns: IntArray, values: FloatArray, start_ns: int) -> tuple[FloatArray, FloatArray]:
     """Seconds since ``start_ns`` and values, with NaN in every gap."""
     gaps = _gaps(stamps_ns)
     seconds = (stamps_ns - start_ns) / NANOSECONDS

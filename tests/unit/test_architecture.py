@@ -60,6 +60,7 @@ def test_a_room_imports_only_rooms_above_it(path: Path) -> None:
         ("typer", "cli/"),
         ("numba", "simulation/"),
         ("matplotlib", "report/"),
+        ("jinja2", "report/pages/html.py"),
     ],
 )
 def test_a_library_stays_in_its_room(library: str, allowed: str) -> None:

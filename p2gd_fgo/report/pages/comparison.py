@@ -1,0 +1,164 @@
+"""Methods against the baseline, on pairs of runs of one route and seed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from p2gd_fgo.evaluation.bootstrap import Effect
+from p2gd_fgo.evaluation.claims import claim, span
+from p2gd_fgo.evaluation.measures import Measure, counts, measure
+from p2gd_fgo.evaluation.paired import ASKED_CHANGE, ASKED_POWER, Comparison
+from p2gd_fgo.evaluation.record_pairs import compare_records, pair_records
+from p2gd_fgo.report.layout import NONE
+from p2gd_fgo.report.pages.collection import Baseline, Collection, Method, counterpart
+from p2gd_fgo.report.pages.measures import rte_lengths
+from p2gd_fgo.report.pages.table_model import (
+    Cell,
+    Column,
+    Part,
+    ReportTable,
+    count,
+    decimals,
+    number,
+    words,
+)
+from p2gd_fgo.run_record import RunRecord
+
+_EXPLAINING = ("mean_length", "total_parallax", "features", "frame_ms")
+_SEEDS_ASKED = 3
+_METHODS_IN_WORDS = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """One measure of a method against its counterpart; ``alone``: runs of both without a pair."""
+
+    base: Method
+    method: Method
+    measure: Measure
+    found: Comparison
+    alone: int
+
+
+def compare_group(
+    collection: Collection, group: str, baseline: Baseline, alignment: str
+) -> list[Compared]:
+    """Every method of a group against its counterpart, measure by measure."""
+    records = [e.record for e in collection.entries if e.record.group == group]
+    lengths = rte_lengths(records)
+    keys = (
+        f"ate_{alignment}", f"are_{alignment}", *(f"rte_{n:g}" for n in lengths), *_EXPLAINING
+    )  # fmt: skip
+    methods = collection.methods_of(group)
+    out = []
+    for method in methods:
+        base = counterpart(collection, method, baseline)
+        if base is None or base not in methods:
+            continue
+        sides = collection.choice(base), collection.choice(method)
+        pairs = pair_records(records, *sides)
+        for key in keys if pairs.pairs else ():
+            chosen = measure(key)
+            fitting = _fitting(records, chosen)
+            routes = {record.route for record in fitting}
+            paired = [r for pair in pairs.pairs for r in pair if r.route in routes]
+            if any(math.isfinite(chosen.of(record)) for record in paired):
+                found = compare_records(fitting, *sides, chosen)
+                alone = found.alone_a + found.alone_b
+                out.append(Compared(base, method, chosen, found.overall, alone))
+    return out
+
+
+def _fitting(records: Sequence[RunRecord], chosen: Measure) -> list[RunRecord]:
+    """Runs of the routes on which the measure can be: a short one has no RTE at 200 m.
+
+    A route where no run counts stays: its runs are failures, not too short.
+    """
+    counting = {record.route for record in records if counts(record)}
+    known = {record.route for record in records if math.isfinite(chosen.of(record))}
+    return [record for record in records if record.route not in counting - known]
+
+
+def claims(collection: Collection, compared: Sequence[Compared]) -> list[str]:
+    """What may be said of accuracy, a sentence each; of ATE alone where methods are many."""
+    several = len({c.method for c in compared}) > _METHODS_IN_WORDS
+    said = []
+    for each in compared:
+        if each.measure.name.startswith("ate" if several else ("ate", "are", "rte")):
+            sides = collection.name(each.base), collection.name(each.method)
+            name = f"{collection.against(each.method, each.base)}, {each.measure.label}"
+            text = claim(name, each.found, "rms", sides=sides)
+            said.append(f"{text}.")
+    return said
+
+
+def comparison_table(
+    collection: Collection, compared: Sequence[Compared], alignment: str
+) -> ReportTable | None:
+    """One row for each method and measure; None without a pair."""
+    rows = [_row(collection, each) for each in compared]
+    if not rows:
+        return None
+    columns = (
+        Column("compared", numeric=False),
+        Column("measure", numeric=False),
+        Column("pairs"),
+        Column("routes"),
+        Column("RMS before"),
+        Column("RMS after"),
+        Column("change of the RMS"),
+        Column("change of the mean", secondary=True),
+        Column("p"),
+        Column("better %", secondary=True),
+        Column("routes needed", secondary=True),
+    )
+    level = next((e.level for c in compared for e in c.found.effects.values()), 0.95)
+    caption = (
+        f"Runs of the same sequence and seed in pairs; ATE and ARE aligned by {alignment}. In "
+        f"brackets: {100 * level:.0f} % interval, by resampling sequences, then seeds within them; "
+        "a difference is shown where it excludes zero. p: Wilcoxon's signed-rank test on the "
+        "sequences' means."
+    )
+    alone = sum({(c.base, c.method): c.alone for c in compared}.values())
+    notes = (
+        *([f"{alone} runs have no partner on the other side and are in no pair."] if alone else []),
+        f"Routes needed: to show a change of {100 * ASKED_CHANGE:+.0f} % with "
+        f"{100 * ASKED_POWER:.0f} % power and {_SEEDS_ASKED} seeds each.".replace("-", "−"),
+        "Many intervals stand here: of twenty without any effect one excludes zero by chance.",
+    )
+    return ReportTable("paired", "Paired comparison", caption, columns, tuple(rows), notes=notes)
+
+
+def _row(collection: Collection, each: Compared) -> tuple[Cell, ...]:
+    found = each.found
+    places = decimals([found.a.rms, found.b.rms])
+    missing = found.pairs - found.whole
+    needed = found.needed
+    routes = needed.routes.get(_SEEDS_ASKED, needed.routes.get(1)) if needed else None
+    better = 100.0 * found.better_share if found.better_share is not None else math.nan
+    p = found.p_value
+    return (
+        words(collection.against(each.method, each.base)),
+        words(f"{each.measure.label} {each.measure.unit}".strip()),
+        Cell(count(found.whole).parts, f"{missing} missing" if missing else ""),
+        count(found.routes),
+        Cell((number(found.a.rms, places),)),
+        Cell((number(found.b.rms, places),)),
+        change_cell(found.effects.get("rms")),
+        change_cell(found.effects.get("mean")),
+        Cell((Part(f"{p:.3f}" if p >= 0.001 else "< 0.001", p),)) if p is not None else words(NONE),
+        Cell((number(better, 0),)),
+        Cell((Part(str(routes), float(routes)),)) if routes else words(NONE),
+    )
+
+
+def change_cell(effect: Effect | None) -> Cell:
+    """The change with its interval, which below 3 routes there isn't."""
+    if effect is None:
+        return words(NONE)
+    text = span(effect)
+    if not math.isfinite(effect.low):
+        text = f"{text.partition('[')[0].strip()}, no interval"
+    return Cell((Part(text, effect.change),))

@@ -1,0 +1,142 @@
+"""What a report claims is what the intervals show."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from run_records import metrics, records
+
+from p2gd_fgo.report.pages.collection import Baseline, Collection
+from p2gd_fgo.report.pages.comparison import claims, compare_group, comparison_table
+from p2gd_fgo.report.pages.episode_tables import compare_pieces, episode_table, largest_table
+from p2gd_fgo.report.pages.sources import Entry
+from p2gd_fgo.run_record import RunRecord
+
+GRID = Baseline("distribution", "grid")
+
+
+def collection(made: list[RunRecord]) -> Collection:
+    return Collection([Entry(each, None) for each in made])
+
+
+def made(**options: Any) -> list[RunRecord]:
+    return records(**({"groups": ["car"], "backends": ["smoother"]} | options))
+
+
+def test_an_effect_is_claimed_with_its_interval() -> None:
+    found = collection(made(noise=0.05))
+    compared = compare_group(found, "car", GRID, "yaw_pos")
+    said = claims(found, compared)
+    assert len(said) == 5  # ATE, ARE, RTE at 10, 50 and 100 m
+    assert said[0].startswith("p2gd against grid, ATE yaw_pos −2")
+    assert "n = 36 over 12 routes" in said[0] and "[" in said[0]
+    (ate, *_) = compared
+    effect = ate.found.effects["rms"]
+    assert effect.low < -0.25 < effect.high < 0.0
+    table = comparison_table(found, compared, "yaw_pos")
+    assert table is not None
+    cells = dict(zip((c.name for c in table.columns), table.rows[0], strict=True))
+    assert cells["change of the RMS"].text in said[0]
+    assert (cells["pairs"].text, cells["routes"].text) == ("36", "12")
+    assert "yaw_pos" in table.caption
+
+
+def test_no_effect_is_not_claimed() -> None:
+    found = collection(made(effects={"grid": 1.0, "p2gd": 1.0}))
+    said = claims(found, compare_group(found, "car", GRID, "yaw_pos"))
+    assert "no difference shown" in said[0]
+
+
+def test_one_route_gives_no_claim_however_many_seeds() -> None:
+    found = collection(made(routes=1, seeds=20, noise=0.01))
+    compared = compare_group(found, "car", GRID, "yaw_pos")
+    assert all("no claim" in said for said in claims(found, compared))
+    table = comparison_table(found, compared, "yaw_pos")
+    assert table is not None and "no interval" in table.rows[0][6].text
+
+
+def test_failures_are_in_the_claim_and_in_the_table() -> None:
+    runs = made(noise=0.05)
+    runs[1] = replace(runs[1], status="failed", reason="diverged")
+    found = collection(runs)
+    compared = compare_group(found, "car", GRID, "yaw_pos")
+    assert "1 of 36 pairs left out" in claims(found, compared)[0]
+    assert "1 of p2gd" in claims(found, compared)[0]
+    table = comparison_table(found, compared, "yaw_pos")
+    assert table is not None and table.rows[0][2].text == "35 (1 missing)"
+
+
+def test_a_route_too_short_for_a_length_is_no_failure() -> None:
+    runs = made(routes=4, seeds=1)
+    short = metrics(1.0, 1.0, 1.0)
+    short["rte"] = short["rte"][:2]
+    runs = [replace(r, metrics=short) if r.route == "car-200" else r for r in runs]
+    found = collection(runs)
+    said = claims(found, compare_group(found, "car", GRID, "yaw_pos"))
+    assert "n = 4 over 4 routes" in said[2] and "RTE 10 m" in said[2]
+    assert "n = 3 over 3 routes" in said[4] and "RTE 100 m" in said[4]
+    assert not any("left out" in text for text in said)
+
+
+def test_a_group_is_compared_by_itself() -> None:
+    runs = made(noise=0.02) + made(groups=["robot"], effects={"grid": 1.0, "p2gd": 1.5}, noise=0.02)
+    found = collection(runs)
+    for group, sign in (("car", -1), ("robot", 1)):
+        effect = compare_group(found, group, GRID, "yaw_pos")[0].found.effects["rms"]
+        assert np.sign(effect.low) == np.sign(effect.high) == sign
+
+
+def test_runs_without_a_partner_are_counted() -> None:
+    found = collection(made()[:-1])
+    table = comparison_table(found, compare_group(found, "car", GRID, "yaw_pos"), "yaw_pos")
+    assert table is not None and "1 runs have no partner" in table.notes[0]
+
+
+def test_many_methods_are_claimed_by_ate_alone() -> None:
+    many = {"grid": 1.0} | dict.fromkeys(("p2gd", "anms", "quadtree", "uniform_random"), 1.0)
+    found = collection(made(effects=many, routes=4, seeds=1))
+    said = claims(found, compare_group(found, "car", GRID, "yaw_pos"))
+    assert len(said) == 4 and all("ATE" in text for text in said)
+
+
+def piece(index: int, error_m: float, turn_deg: float) -> dict[str, Any]:
+    return {
+        "index": index, "start_m": 10.0 * index, "length_m": 10.0, "start_s": 2.0 * index,
+        "duration_s": 2.0, "still_share": 0.0, "turn_deg": turn_deg, "accel_m_s2": 0.5,
+        "moving_share": None, "translation_m": error_m, "translation_percent": 10 * error_m,
+        "rotation_deg": 0.1, "scale_error": 0.01, "ate_share": 0.1, "ate_made_m": 0.01,
+        "features": 150.0, "tracks_10": 40.0, "far": 5.0, "gated": 2.0,
+    }  # fmt: skip
+
+
+def test_the_error_is_found_in_the_turns() -> None:
+    def pieces(record: RunRecord) -> list[dict[str, Any]]:
+        turning = 0.1 if record.axes["distribution"] == "grid" else 0.3
+        return [piece(0, 0.1, 0.0), piece(1, turning, 40.0), piece(2, 0.1, 0.0)]
+
+    found = collection([replace(r, segments=pieces(r)) for r in made(seeds=1)])
+    compared = compare_pieces(found, "car", GRID)
+    table = episode_table(compared)
+    assert table is not None
+    rows = {row[1].text: [cell.text for cell in row] for row in table.rows}
+    assert set(rows) == {"turning", "straight on", "all"}
+    names = [column.name for column in table.columns]
+    turning = dict(zip(names, rows["turning"], strict=True))
+    assert turning["error %"] == "1.00 / 3.00"
+    assert turning["part"] == rows["all"][names.index("part")] != "0 %"
+    assert rows["straight on"][names.index("part")] == "0 %"
+    worst = largest_table(compared)
+    assert worst is not None
+    assert {row[4].text for row in worst.rows} == {"turning"}
+
+
+def test_runs_without_pieces_have_no_table() -> None:
+    found = collection(made(routes=3, seeds=1))
+    assert compare_pieces(found, "car", GRID) == []
+    assert episode_table([]) is None and largest_table([]) is None
+
+
+def test_metrics_helper_is_whole() -> None:
+    assert metrics(1.0, 1.0, 1.0)["completeness"] == 1.0
