@@ -16,6 +16,8 @@ from p2gd_fgo.geometry import so3
 from p2gd_fgo.geometry.pose import from_rotation_translation, interpolation_weights
 from p2gd_fgo.types import NANOSECONDS, FloatArray, ImuBatch, IntArray, NavState
 
+_BRIDGE_STEP_S = 0.01
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ImuIncrements:
@@ -64,6 +66,78 @@ def between(imu: ImuBatch, start_ns: int, end_ns: int) -> ImuBatch:
         np.concatenate([gyro[:1], imu.gyro[inner], gyro[1:]]),
         np.concatenate([accel[:1], imu.accel[inner], accel[1:]]),
     )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UnknownMotion:
+    """White noise that stands for what was not measured, for each step between N samples.
+
+    Attributes
+    ----------
+    gyro, accel
+        (N − 1,) densities beside the sensor's own, rad/s/√Hz and m/s²/√Hz; 0 where nothing is
+        missing.
+    longest_s
+        The longest hole that the samples touch, its part outside them included.
+    """
+
+    gyro: FloatArray
+    accel: FloatArray
+    longest_s: float
+
+
+def across_holes(
+    imu: ImuBatch, part: ImuBatch, max_gap_s: float, sigma_rate: float, sigma_accel: float
+) -> tuple[ImuBatch, UnknownMotion | None]:
+    """Bridge the holes in a part of the samples, and say what is not known of them.
+
+    In a hole of length T between two samples the motion may differ from the straight line between
+    them by a constant rate and force of these sigmas. The density σ √T gives the change of
+    velocity over the hole that such a constant has, σ T, and a shift of σ T²/√3, not less than
+    its σ T²/2.
+
+    Parameters
+    ----------
+    imu
+        As they were measured.
+    part
+        (:func:`between`) from one image to the next.
+    max_gap_s
+        A longer step between samples is a hole.
+    sigma_rate, sigma_accel
+        rad/s and m/s².
+
+    Returns
+    -------
+    tuple[ImuBatch, UnknownMotion | None]
+        The part with samples of the straight line in its holes, close enough for integration, and
+        the noise of its steps; the part itself and None where there is no hole.
+    """
+    length_s = _measured_step_s(imu, part)
+    if not (length_s > max_gap_s).any():
+        return part, None
+    pieces = np.ceil(np.diff(part.stamps_ns) / (_BRIDGE_STEP_S * NANOSECONDS)).astype(np.int64)
+    pieces = np.where(length_s > max_gap_s, pieces, 1)
+    ends = np.repeat(part.stamps_ns[1:], pieces)
+    begins = np.repeat(part.stamps_ns[:-1], pieces)
+    nth = np.arange(len(ends)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+    stamps = begins + (ends - begins) * nth // np.repeat(pieces, pieces)
+    stamps = np.append(stamps, part.stamps_ns[-1:])
+    bridged = ImuBatch(stamps, *interpolate_imu(part, stamps))
+    length_s = np.repeat(length_s, pieces)
+    root = np.sqrt(np.where(length_s > max_gap_s, length_s, 0.0))
+    return bridged, UnknownMotion(sigma_rate * root, sigma_accel * root, float(length_s.max()))
+
+
+def has_hole(imu: ImuBatch, part: ImuBatch, max_gap_s: float) -> bool:
+    """Whether a part of the samples touches a step between them longer than ``max_gap_s``."""
+    return bool((_measured_step_s(imu, part) > max_gap_s).any())
+
+
+def _measured_step_s(imu: ImuBatch, part: ImuBatch) -> FloatArray:
+    """Time (N − 1,) between the measured samples around each step of a part."""
+    step = np.searchsorted(imu.stamps_ns, part.stamps_ns[:-1], side="right") - 1
+    return np.asarray(np.diff(imu.stamps_ns)[np.clip(step, 0, len(imu) - 2)] / NANOSECONDS)
 
 
 def increments(imu: ImuBatch) -> ImuIncrements:

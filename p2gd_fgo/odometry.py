@@ -16,14 +16,18 @@ from p2gd_fgo.errors import DataError
 from p2gd_fgo.frontend import Frontend, TrackSummary
 from p2gd_fgo.imu import (
     ImuBuffer,
+    UnknownMotion,
+    across_holes,
     between,
     earth_rate,
+    has_hole,
     rotation_over,
     without_earth_rotation,
 )
-from p2gd_fgo.initialization import make_initializer, stillness
+from p2gd_fgo.initialization import imu_is_quiet, make_initializer, stillness
 from p2gd_fgo.priors import PriorIntake, PriorSource, make_prior_source
 from p2gd_fgo.timing import StageTimer
+from p2gd_fgo.troubles import Trouble, TroubleWatch
 from p2gd_fgo.types import (
     NANOSECONDS,
     Estimate,
@@ -114,6 +118,9 @@ class Odometry:
             * NANOSECONDS
         )
         self._last_ns: int | None = None
+        self._tracked_ns: int | None = None
+        self._watch = TroubleWatch()
+        self.troubles: list[Trouble] = []
         self._last_handed: PriorPoses | None = None
         self._estimate: Estimate | None = None
         self.decision: Decision | None = None
@@ -164,23 +171,39 @@ class Odometry:
         stamp_ns += self.offset_ns
         with self.timer.stage("frame"):
             imu = self._imu_to(stamp_ns)
+            unknown = None
+            if imu is not None:
+                imu, unknown = self._bridged(imu)
             if imu is not None and self._estimate is not None and self._earth_rate is not None:
                 gravity = self.config.imu.gravity
                 imu = without_earth_rotation(imu, self._estimate.state, gravity, self._earth_rate)
-            if self._before_tracking:
-                decision = self._decide(None, self._last_handed)
             with self.timer.stage("track"):
-                turn = self._camera_turn(imu)
-                self.tracked = self._frontend.track(stamp_ns, image, turn, mask)
-                still = self._is_still(stamp_ns)
+                health = self._frontend.look(image)
+            # Before the start nothing is lost by tracking an image that shows nothing new.
+            used = health.usable or self._estimate is None
+            if used and self._before_tracking:
+                self.decision = self._decide(None, self._last_handed)
+            with self.timer.stage("track"):
+                if used:
+                    turn = self._camera_turn(imu, stamp_ns)
+                    self.tracked = self._frontend.track(stamp_ns, image, turn, mask)
+                    self._tracked_ns = stamp_ns
+                else:
+                    self._frontend.skip(stamp_ns)
+                    self.tracked = TrackSummary()
+                still = self._is_still(stamp_ns, used)
             with self.timer.stage("propagate"):
-                predicted = self._backend.propagate(imu) if self._estimate and imu else None
-            if not self._before_tracking:
-                decision = self._decide(predicted, priors)
+                predicted = (
+                    self._backend.propagate(imu, unknown) if self._estimate and imu else None
+                )
+            if used and not self._before_tracking:
+                self.decision = self._decide(predicted, priors)
             with self.timer.stage("extract"):
-                self.extracted = self._frontend.extract(decision.selection)
+                assert self.decision is not None
+                self.extracted = self._frontend.extract(self.decision.selection) if used else 0
                 observations = self._frontend.observations()
-            self.decision, self._last_ns, self._last_handed = decision, stamp_ns, priors
+            self.troubles = self._watch.look(stamp_ns, health, self.tracked, unknown, used=used)
+            self._last_ns, self._last_handed = stamp_ns, priors
             self._imu.drop_before(stamp_ns - self._history_ns)
             if self._estimate is None:
                 return self._try_to_start(observations)
@@ -206,7 +229,7 @@ class Odometry:
     @property
     def features(self) -> int:
         """Features seen in the newest image."""
-        return len(self._frontend.buffer)
+        return len(self._frontend.observations())
 
     @property
     def observations(self) -> Observations:
@@ -254,23 +277,43 @@ class Odometry:
             )
         return between(held, self._last_ns, stamp_ns)
 
-    def _camera_turn(self, imu: ImuBatch | None) -> FloatArray | None:
-        """R (3, 3) that takes vectors of the previous camera frame to the current one.
+    def _bridged(self, imu: ImuBatch) -> tuple[ImuBatch, UnknownMotion | None]:
+        """With what the IMU missed between the last image and this one."""
+        config = self.config.imu
+        return across_holes(
+            self._imu.samples(),
+            imu,
+            config.max_gap_s,
+            float(np.radians(config.gap_sigma_rate_deg)),
+            config.gap_sigma_accel,
+        )
+
+    def _camera_turn(self, imu: ImuBatch | None, stamp_ns: int) -> FloatArray | None:
+        """R (3, 3) that takes vectors of the last tracked camera frame to the current one.
 
         None before the start: a gyro bias of some 0.1 rad/s, not yet known, points the tracker
-        further away than no prediction at all.
+        further away than no prediction at all. None too where the gyro missed a part of the turn.
         """
-        if imu is None or self._estimate is None:
+        if imu is None or self._estimate is None or self._tracked_ns is None:
+            return None
+        if self._tracked_ns != self._last_ns:  # images were skipped in between
+            held = self._imu.samples()
+            if int(held.stamps_ns[0]) > self._tracked_ns:
+                return None
+            imu = between(held, self._tracked_ns, stamp_ns)
+        if has_hole(self._imu.samples(), imu, self.config.imu.max_gap_s):
             return None
         R_imu_cam = self._calibration.T_imu_cam[:3, :3]
         turn = rotation_over(imu, self._estimate.state.gyro_bias)
         return np.asarray(R_imu_cam.T @ turn.T @ R_imu_cam)
 
-    def _is_still(self, stamp_ns: int) -> bool:
+    def _is_still(self, stamp_ns: int, used: bool) -> bool:
         config = self.config.stationary
         if not config.enabled:
             return False
         was_still = self._estimate is not None and self._estimate.stationary
+        if not used:  # what stands goes on standing as long as the IMU notices nothing
+            return was_still and imu_is_quiet(stamp_ns, self._imu.samples(), config)
         return stillness(
             stamp_ns,
             self._imu.samples(),

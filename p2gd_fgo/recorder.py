@@ -13,6 +13,7 @@ import numpy as np
 from p2gd_fgo.config import Config
 from p2gd_fgo.odometry import Odometry
 from p2gd_fgo.priors import PriorProblem
+from p2gd_fgo.troubles import Trouble, trouble_events
 from p2gd_fgo.types import (
     NANOSECONDS,
     BoolArray,
@@ -110,6 +111,7 @@ class Recorder:
         self._gated: list[int] = []
         self._gated_so_far = 0
         self._problems: list[tuple[int, PriorProblem | None]] = []
+        self._troubles: list[Trouble] = []
 
     def add(
         self,
@@ -133,6 +135,7 @@ class Recorder:
         gated = sum(fates.get(name, 0) for name in _GATED)
         self._gated.append(gated - self._gated_so_far)
         self._gated_so_far = gated
+        self._troubles += odometry.troubles
         self._problems.append((odometry.observations.stamp_ns, odometry.decision.problem))
 
     @property
@@ -152,7 +155,12 @@ class Recorder:
         """Everything, at the end of the run."""
         estimates = self._estimates
         self.counts.update(odometry.counts)
-        events = [*self.events, *_standstills(estimates), *_prior_problems(self._problems)]
+        events = [
+            *self.events,
+            *trouble_events(self._troubles),
+            *_standstills(estimates),
+            *_prior_problems(self._problems),
+        ]
         return RunResult(
             status,
             reason,

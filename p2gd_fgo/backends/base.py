@@ -9,6 +9,7 @@ import numpy as np
 
 from p2gd_fgo.datasets.base import ImuNoise
 from p2gd_fgo.errors import EstimatorError
+from p2gd_fgo.imu import UnknownMotion
 from p2gd_fgo.types import (
     NANOSECONDS,
     Estimate,
@@ -35,8 +36,11 @@ class Backend(Protocol):
         """Begin at ``state`` with error covariance (15, 15)."""
         ...
 
-    def propagate(self, imu: ImuBatch) -> NavState:
-        """Predict the state at the end of ``imu``, whose first sample is at the last state."""
+    def propagate(self, imu: ImuBatch, unknown: UnknownMotion | None = None) -> NavState:
+        """Predict the state at the end of ``imu``, whose first sample is at the last state.
+
+        ``unknown``: noise for the steps in which the IMU was silent.
+        """
         ...
 
     def update(self, observations: Observations, stationary: bool) -> Estimate:

@@ -7,7 +7,7 @@ import numpy as np
 from p2gd_fgo.backends.base import with_decayed_bias, with_steady_bias
 from p2gd_fgo.datasets.base import ImuNoise
 from p2gd_fgo.geometry.so3 import hat
-from p2gd_fgo.imu import duration_s, increments, integrate, strapdown
+from p2gd_fgo.imu import UnknownMotion, duration_s, increments, integrate, strapdown
 from p2gd_fgo.types import (
     ERROR_DIM,
     Estimate,
@@ -31,10 +31,10 @@ class DeadReckoning:
         """Begin at ``state``."""
         self._state, self._covariance = state, covariance
 
-    def propagate(self, imu: ImuBatch) -> NavState:
+    def propagate(self, imu: ImuBatch, unknown: UnknownMotion | None = None) -> NavState:
         """Integrate the samples, and the covariance to first order sample by sample."""
         imu = with_steady_bias(imu, self._state, self._noise)
-        F, Q = self._error_dynamics(imu)
+        F, Q = self._error_dynamics(imu, unknown)
         self._covariance = F @ self._covariance @ F.T + Q
         self._state = with_decayed_bias(
             integrate(self._state, imu, self._gravity), self._noise, duration_s(imu)
@@ -60,7 +60,9 @@ class DeadReckoning:
         """Nothing to count."""
         return {}
 
-    def _error_dynamics(self, imu: ImuBatch) -> tuple[FloatArray, FloatArray]:
+    def _error_dynamics(
+        self, imu: ImuBatch, unknown: UnknownMotion | None
+    ) -> tuple[FloatArray, FloatArray]:
         """Transition (15, 15) and noise (15, 15) of the error over all samples."""
         n = self._noise
         F, Q = np.eye(ERROR_DIM), np.zeros((ERROR_DIM, ERROR_DIM))
@@ -80,6 +82,10 @@ class DeadReckoning:
             A[6:9, 0:3] = -R @ hat(force[k]) * dt
             A[6:9, 12:15] = -R * dt
             F = A @ F
-            Q = A @ Q @ A.T + np.diag(densities**2 * dt)
+            squares = densities**2
+            if unknown is not None:
+                squares[0:3] += unknown.gyro[k // 2] ** 2
+                squares[6:9] += unknown.accel[k // 2] ** 2
+            Q = A @ Q @ A.T + np.diag(squares * dt)
         left = np.repeat([1.0, 1.0, 1.0, *n.bias_decay(float(pieces.dt_s.sum()))], 3)
         return left[:, None] * F, Q * np.outer(left, left)

@@ -91,7 +91,15 @@ class ImuConfig(Model):
         0.0, description="of the world's x axis, from east to north, for latitude_deg"
     )
     max_gap_s: Positive = Field(
-        0.1, description="a longer hole between samples is recorded as an event"
+        0.1,
+        description="a longer time without samples is a hole: recorded as an event, and what "
+        "happened in it is uncertain by the two following",
+    )
+    gap_sigma_accel: Positive = Field(
+        2.0, description="m/s², 1 sigma, of the acceleration in a hole against a straight line"
+    )
+    gap_sigma_rate_deg: Positive = Field(
+        10.0, description="deg/s, 1 sigma, of the rotation rate in a hole against a straight line"
     )
 
 
@@ -154,8 +162,21 @@ class StationaryConfig(Model):
     window_s: Positive = Field(0.5, description="IMU samples and images looked at")
     max_gyro_std: Positive = Field(0.01, description="rad/s, standard deviation in the window")
     max_accel_std: Positive = Field(0.15, description="m/s², standard deviation in the window")
-    max_disparity_px: Positive = Field(0.5, description="median over features, across the window")
-    min_features: int = Field(10, ge=1, description="features needed for the disparity test")
+    max_disparity_px: Positive = Field(
+        0.5, description="a feature that moved by less across the window stays where it is"
+    )
+    share_to_stop: Annotated[float, Field(gt=0, le=1)] = Field(
+        0.5, description="of the features must stay for a standstill to begin"
+    )
+    share_to_stay: Annotated[float, Field(gt=0, le=1)] = Field(
+        0.25, description="of the features must stay for it to go on, whatever drives by"
+    )
+    max_drift_px: Positive = Field(
+        0.15,
+        description="across the window, of what the features that stay have in common (shift, "
+        "growth of the image): more is a body that creeps",
+    )
+    min_features: int = Field(10, ge=1, description="features needed for these tests")
 
 
 class SmootherConfig(Model):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from p2gd_fgo.frontend.cells import CellGrid
 from p2gd_fgo.frontend.features import FeatureBuffer
 from p2gd_fgo.frontend.frontend import Frontend, TrackSummary
+from p2gd_fgo.frontend.health import ImageHealth
 from p2gd_fgo.frontend.selection import CellQuotas, Corners, Selection
 
 __all__ = [
@@ -13,6 +14,7 @@ __all__ = [
     "Corners",
     "FeatureBuffer",
     "Frontend",
+    "ImageHealth",
     "Selection",
     "TrackSummary",
 ]

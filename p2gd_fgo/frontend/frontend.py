@@ -13,6 +13,7 @@ from p2gd_fgo.errors import ConfigError, DataError
 from p2gd_fgo.frontend.cells import CellGrid
 from p2gd_fgo.frontend.detector import CornerDetector, pixel_values
 from p2gd_fgo.frontend.features import FeatureBuffer
+from p2gd_fgo.frontend.health import ImageHealth, ImageWatch
 from p2gd_fgo.frontend.orb import OrbTracker
 from p2gd_fgo.frontend.outliers import motion_inliers
 from p2gd_fgo.frontend.selection import Selection
@@ -103,6 +104,8 @@ class Frontend:
         self._rng = np.random.default_rng(seed)
         self._image: Image | None = None
         self._stamp_ns = -1
+        self._skipped = False
+        self._watch = ImageWatch()
         fast_threshold = config.fast_threshold + _THRESHOLD_OFFSETS[seed % 3]
         self._tracker = _tracker(config, fast_threshold)
         self.grid = CellGrid(columns, rows, camera.width, camera.height)
@@ -119,6 +122,16 @@ class Frontend:
         self._always_capacity = self.grid.capacities(self._min_distance_px, self._always)
         self.capacity = self._always_capacity
         self.buffer = FeatureBuffer(max_length)
+
+    def look(self, image: Image) -> ImageHealth:
+        """Judge a new image (height, width) before it is tracked or skipped.
+
+        Raises
+        ------
+        DataError
+            It does not have the camera's size.
+        """
+        return self._watch.look(self._sized(image))
 
     def track(
         self,
@@ -150,6 +163,7 @@ class Frontend:
         prepared = self._prepared(image)
         self._mask(mask)
         previous, self._image, self._stamp_ns = self._image, prepared, stamp_ns
+        self._skipped = False
         buffer = self.buffer
         complete = buffer.lengths >= buffer.history
         if self._config.continue_consumed:
@@ -187,6 +201,11 @@ class Frontend:
             lost_outlier=len(inlier) - len(buffer),
         )
 
+    def skip(self, stamp_ns: int) -> None:
+        """Leave an image out: it has no observations, and the next is tracked from the last."""
+        self._stamp_ns = stamp_ns
+        self._skipped = True
+
     def extract(self, selection: Selection) -> int:
         """Add new features of the current image, as ``selection`` chooses them.
 
@@ -208,20 +227,26 @@ class Frontend:
         return self._detector.corner_counts
 
     def observations(self) -> Observations:
-        """All features of the current image, tracked and new."""
+        """All features of the current image, tracked and new; none if it was skipped."""
         buffer = self.buffer
+        if self._skipped:
+            nothing = np.zeros((0, 2))
+            return Observations(self._stamp_ns, np.zeros(0, np.int64), nothing, nothing)
         return Observations(
             self._stamp_ns, buffer.ids.copy(), buffer.pixels.copy(), buffer.normalized.copy()
         )
 
-    def _prepared(self, image: Image) -> Image:
+    def _sized(self, image: Image) -> Image:
         size = (self._camera.height, self._camera.width)
         if image.shape != size:
             raise DataError(
                 f"an image has shape {image.shape}, but the camera's calibration says {size}: "
                 "give grey images of that size"
             )
-        image = np.ascontiguousarray(image)
+        return image
+
+    def _prepared(self, image: Image) -> Image:
+        image = np.ascontiguousarray(self._sized(image))
         return np.asarray(cv2.equalizeHist(image)) if self._config.equalize else image
 
     def _opened(self, mask: Image | None, name: str) -> BoolArray | None:

@@ -6,7 +6,7 @@ from p2gd_fgo.config import Config
 from p2gd_fgo.initialization.base import Initializer, Start
 from p2gd_fgo.initialization.given import GivenStart
 from p2gd_fgo.initialization.static import StaticStart
-from p2gd_fgo.initialization.stationary import Stillness, stillness
+from p2gd_fgo.initialization.stationary import Stillness, imu_is_quiet, stillness
 from p2gd_fgo.types import Truth
 
 __all__ = [
@@ -15,6 +15,7 @@ __all__ = [
     "Start",
     "StaticStart",
     "Stillness",
+    "imu_is_quiet",
     "make_initializer",
     "stillness",
 ]

@@ -13,6 +13,7 @@ from p2gd_fgo.backends.msckf.msckf import Msckf
 from p2gd_fgo.backends.msckf.propagation import propagate
 from p2gd_fgo.backends.msckf.state import Poses
 from p2gd_fgo.datasets.base import ImuNoise
+from p2gd_fgo.imu import UnknownMotion
 from p2gd_fgo.types import FloatArray, ImuBatch, NavState
 
 NO_NOISE = ImuNoise(0.0, 0.0, 0.0, 0.0)
@@ -69,7 +70,7 @@ class Watched(Msckf):
     carried_wrong: list[float]
     learnt: list[float]
 
-    def propagate(self, imu: ImuBatch) -> NavState:
+    def propagate(self, imu: ImuBatch, unknown: UnknownMotion | None = None) -> NavState:
         before = gauge(self._state.first_poses, self._state.first_velocity)
         # A covariance of nothing but a turn of the world must become just that of the turn later.
         probe = replace(self._state, covariance=np.outer(before[:, 3], before[:, 3]))
@@ -77,7 +78,7 @@ class Watched(Msckf):
         after = gauge(moved.first_poses, moved.first_velocity)[:, 3]
         off = moved.covariance - np.outer(after, after)
         self.carried_wrong.append(float(np.abs(off).max() / np.abs(after).max()))
-        return super().propagate(imu)
+        return super().propagate(imu, unknown)
 
     def _posterior(
         self, L: FloatArray, Z: FloatArray, r: FloatArray

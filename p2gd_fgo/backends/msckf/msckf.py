@@ -27,6 +27,7 @@ from p2gd_fgo.config import BackendConfig
 from p2gd_fgo.datasets.base import Calibration, ImuNoise
 from p2gd_fgo.errors import EstimatorError
 from p2gd_fgo.geometry.pose import from_rotation_translation
+from p2gd_fgo.imu import UnknownMotion
 from p2gd_fgo.timing import StageTimer
 from p2gd_fgo.types import (
     NANOSECONDS,
@@ -72,16 +73,20 @@ class Msckf:
         self._timer = timer or StageTimer()
         self._sensor = Sensor(calibration.camera, calibration.T_imu_cam, config.pixel_noise_px)
         self._tracks = TrackTable(config.window)
+        self._started = False
         self._left: list[tuple[int, FloatArray]] = []
         self._counts: Counter[str] = Counter()
 
     def start(self, state: NavState, covariance: FloatArray) -> None:
         """Begin at ``state``."""
         self._state = FilterState.begin(state, covariance)
+        self._started = True
 
-    def propagate(self, imu: ImuBatch) -> NavState:
+    def propagate(self, imu: ImuBatch, unknown: UnknownMotion | None = None) -> NavState:
         """Predict the next image's state; the last image's pose stays behind as a clone."""
-        self._state = propagate(self._state, imu, self._noise, self._gravity, fej=self._config.fej)
+        self._state = propagate(
+            self._state, imu, self._noise, self._gravity, fej=self._config.fej, unknown=unknown
+        )
         return self._state.newest()
 
     def update(self, observations: Observations, stationary: bool) -> Estimate:
@@ -124,7 +129,8 @@ class Msckf:
     @property
     def counts(self) -> dict[str, int]:
         """Observations by fate: all of them add up to ``observations``."""
-        return dict(self._counts) | {"in_window": self._tracks.observations(len(self._state))}
+        held = self._tracks.observations(len(self._state)) if self._started else 0
+        return dict(self._counts) | {"in_window": held}
 
     def _correct(self, due: Sightings, *, still: bool) -> None:
         """One Kalman update with the points of all tracks that are due."""

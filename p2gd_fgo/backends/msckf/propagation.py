@@ -18,7 +18,7 @@ from p2gd_fgo.backends.msckf.state import FilterState
 from p2gd_fgo.datasets.base import ImuNoise
 from p2gd_fgo.geometry import so3
 from p2gd_fgo.geometry.pose import from_rotation_translation
-from p2gd_fgo.imu import StrapdownPath, increments, strapdown
+from p2gd_fgo.imu import StrapdownPath, UnknownMotion, increments, strapdown
 from p2gd_fgo.types import ERROR_DIM, FloatArray, ImuBatch, NavState
 
 _EYE = np.eye(3)
@@ -26,7 +26,13 @@ _THETA, _P, _V, _BG, _BA = (slice(k, k + 3) for k in range(0, ERROR_DIM, 3))
 
 
 def propagate(
-    state: FilterState, imu: ImuBatch, noise: ImuNoise, gravity: float, *, fej: bool
+    state: FilterState,
+    imu: ImuBatch,
+    noise: ImuNoise,
+    gravity: float,
+    *,
+    fej: bool,
+    unknown: UnknownMotion | None = None,
 ) -> FilterState:
     """The state at the end of ``imu``, with one image more in the window."""
     start = state.newest()
@@ -53,7 +59,7 @@ def propagate(
         gravity,
     )
     left = np.repeat([1.0, 1.0, 1.0, *noise.bias_decay(float(integrals.t[-1]))], 3)
-    Q = process_noise(to_end, pieces.dt_s, noise)
+    Q = process_noise(to_end, pieces.dt_s, noise, unknown)
     return state.propagated(predicted, left[:, None] * Phi, Q * np.outer(left, left))
 
 
@@ -115,17 +121,29 @@ def transitions(R: FloatArray, i: _Integrals) -> FloatArray:
     return out
 
 
-def process_noise(to_end: FloatArray, dt_s: FloatArray, noise: ImuNoise) -> FloatArray:
+def process_noise(
+    to_end: FloatArray, dt_s: FloatArray, noise: ImuNoise, unknown: UnknownMotion | None = None
+) -> FloatArray:
     """Q (15, 15): the trapezoid of Φ G Q_c Gᵀ Φᵀ over the path."""
-    weights = np.zeros(len(to_end))
-    weights[:-1] += 0.5 * dt_s
-    weights[1:] += 0.5 * dt_s
     densities = np.repeat(
         [noise.gyro_noise_density, 0.0, noise.accel_noise_density, noise.gyro_random_walk,
          noise.accel_random_walk], 3)  # fmt: skip
-    spread = to_end * (np.sqrt(weights)[:, None, None] * densities)
+    sigmas = np.sqrt(_at_ends(dt_s))[:, None] * densities
+    if unknown is not None:  # each step is two pieces
+        for axes, density in ((_THETA, unknown.gyro), (_V, unknown.accel)):
+            squares = _at_ends(dt_s * np.repeat(density, 2) ** 2)
+            sigmas[:, axes] = np.sqrt(sigmas[:, axes] ** 2 + squares[:, None])
+    spread = to_end * sigmas[:, None]
     columns = np.ascontiguousarray(spread.transpose(0, 2, 1)).reshape(-1, ERROR_DIM)
     return np.asarray(columns.T @ columns)
+
+
+def _at_ends(pieces: FloatArray) -> FloatArray:
+    """Half of each of K pieces at either of its ends, (K + 1,)."""
+    out = np.zeros(len(pieces) + 1)
+    out[:-1] += 0.5 * pieces
+    out[1:] += 0.5 * pieces
+    return out
 
 
 def with_first_estimates(

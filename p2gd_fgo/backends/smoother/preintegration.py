@@ -8,7 +8,7 @@ from gtsam.symbol_shorthand import B, V, X
 
 from p2gd_fgo.datasets.base import ImuNoise
 from p2gd_fgo.geometry import so3
-from p2gd_fgo.imu import ImuIncrements, increments
+from p2gd_fgo.imu import ImuIncrements, UnknownMotion, increments
 from p2gd_fgo.types import FloatArray, ImuBatch
 
 # Position error of the integration itself; GTSAM wants it positive definite.
@@ -24,17 +24,17 @@ class Preintegrator:
     """
 
     def __init__(self, noise: ImuNoise, gravity: float) -> None:
-        params = gtsam.PreintegrationCombinedParams.MakeSharedU(gravity)
-        eye = np.eye(3)
-        params.setGyroscopeCovariance(eye * noise.gyro_noise_density**2)
-        params.setAccelerometerCovariance(eye * noise.accel_noise_density**2)
-        params.setBiasOmegaCovariance(eye * noise.gyro_random_walk**2)
-        params.setBiasAccCovariance(eye * noise.accel_random_walk**2)
-        params.setIntegrationCovariance(eye * _INTEGRATION_DENSITY**2)
-        self._params, self._noise = params, noise
+        self._noise = noise
+        self._gravity = gravity
+        self._params = self._made_params()
 
     def factors(
-        self, imu: ImuBatch, bias: FloatArray, frame_i: int, frame_j: int
+        self,
+        imu: ImuBatch,
+        bias: FloatArray,
+        frame_i: int,
+        frame_j: int,
+        unknown: UnknownMotion | None = None,
     ) -> list[gtsam.NonlinearFactor]:
         """The factors from frame i to frame j.
 
@@ -44,6 +44,8 @@ class Preintegrator:
             Samples from image i to image j, both ends included.
         bias
             (6,) accelerometer then gyroscope: the preintegration's linearisation point.
+        unknown
+            Noise for the steps in which the IMU was silent.
         """
         pieces = increments(imu)
         # GTSAM holds the attitude of a piece at its start; turning the force by the mean rotation
@@ -53,16 +55,47 @@ class Preintegrator:
         accel = (turn @ (pieces.accel - bias[:3])[..., None])[..., 0] + bias[:3]
         point = gtsam.imuBias.ConstantBias(bias[:3], bias[3:])
         i, j = frame_i, frame_j
+        params = self._params if unknown is None else self._made_params()
         if self._noise.biases_walk:
-            combined = gtsam.PreintegratedCombinedMeasurements(self._params, point)
-            _integrate(combined, accel, pieces)
+            combined = gtsam.PreintegratedCombinedMeasurements(params, point)
+            self._integrate(combined, params, accel, pieces, unknown)
             return [gtsam.CombinedImuFactor(X(i), V(i), X(j), V(j), B(i), B(j), combined)]
-        motion = gtsam.PreintegratedImuMeasurements(self._params, point)
-        _integrate(motion, accel, pieces)
+        motion = gtsam.PreintegratedImuMeasurements(params, point)
+        self._integrate(motion, params, accel, pieces, unknown)
         return [
             gtsam.ImuFactor(X(i), V(i), X(j), V(j), B(i), motion),
             self._decay(float(pieces.dt_s.sum()), i, j),
         ]
+
+    def _integrate(
+        self,
+        measured: gtsam.PreintegratedCombinedMeasurements | gtsam.PreintegratedImuMeasurements,
+        params: gtsam.PreintegrationCombinedParams,
+        accel: FloatArray,
+        pieces: ImuIncrements,
+        unknown: UnknownMotion | None,
+    ) -> None:
+        for k, (a, w, dt) in enumerate(zip(accel, pieces.gyro, pieces.dt_s, strict=True)):
+            if unknown is not None:  # of this factor's own, and read anew at every piece
+                self._set_noise(params, float(unknown.gyro[k // 2]), float(unknown.accel[k // 2]))
+            measured.integrateMeasurement(a, w, float(dt))
+
+    def _made_params(self) -> gtsam.PreintegrationCombinedParams:
+        params = gtsam.PreintegrationCombinedParams.MakeSharedU(self._gravity)
+        eye = np.eye(3)
+        self._set_noise(params, 0.0, 0.0)
+        params.setBiasOmegaCovariance(eye * self._noise.gyro_random_walk**2)
+        params.setBiasAccCovariance(eye * self._noise.accel_random_walk**2)
+        params.setIntegrationCovariance(eye * _INTEGRATION_DENSITY**2)
+        return params
+
+    def _set_noise(
+        self, params: gtsam.PreintegrationCombinedParams, gyro: float, accel: float
+    ) -> None:
+        """White noise of the sensors, and these densities beside it."""
+        eye = np.eye(3)
+        params.setGyroscopeCovariance(eye * (self._noise.gyro_noise_density**2 + gyro**2))
+        params.setAccelerometerCovariance(eye * (self._noise.accel_noise_density**2 + accel**2))
 
     def _decay(self, duration_s: float, i: int, j: int) -> gtsam.NonlinearFactor:
         """b_j = exp(-t / τ) b_i + noise, exact over the interval."""
@@ -81,15 +114,6 @@ class Preintegrator:
         for key in (B(i), B(j)):
             at_zero.insert(key, constant_bias=gtsam.imuBias.ConstantBias())
         return gtsam.LinearContainerFactor(linear, at_zero)
-
-
-def _integrate(
-    measured: gtsam.PreintegratedCombinedMeasurements | gtsam.PreintegratedImuMeasurements,
-    accel: FloatArray,
-    pieces: ImuIncrements,
-) -> None:
-    for a, w, dt in zip(accel, pieces.gyro, pieces.dt_s, strict=True):
-        measured.integrateMeasurement(a, w, float(dt))
 
 
 def _driven_s(duration_s: float, correlation_s: float) -> float:

@@ -23,7 +23,7 @@ from p2gd_fgo.config import BackendConfig
 from p2gd_fgo.datasets.base import Calibration, ImuNoise
 from p2gd_fgo.errors import EstimatorError
 from p2gd_fgo.geometry.pose import from_rotation_translation
-from p2gd_fgo.imu import duration_s, integrate
+from p2gd_fgo.imu import UnknownMotion, duration_s, integrate
 from p2gd_fgo.timing import StageTimer
 from p2gd_fgo.types import (
     ERROR_DIM,
@@ -75,7 +75,7 @@ class Smoother:
         self._motion: dict[int, list[gtsam.NonlinearFactor]] = {}
         self._frame = 0
         self._anchor = np.zeros(3)
-        self._next: tuple[ImuBatch, NavState] | None = None
+        self._next: tuple[ImuBatch, UnknownMotion | None, NavState] | None = None
         self._left: list[tuple[int, FloatArray]] = []
         self._counts: Counter[str] = Counter()
 
@@ -86,14 +86,14 @@ class Smoother:
         information = np.asarray(np.linalg.inv(in_window), dtype=np.float64)
         self._prior = Prior(self._states, information, np.zeros(ERROR_DIM))
 
-    def propagate(self, imu: ImuBatch) -> NavState:
+    def propagate(self, imu: ImuBatch, unknown: UnknownMotion | None = None) -> NavState:
         """Predict the next image's state and keep the samples for its factor."""
         newest = self._states.newest()
         imu = with_steady_bias(imu, newest, self._noise)
         predicted = with_decayed_bias(
             integrate(newest, imu, self._gravity), self._noise, duration_s(imu)
         )
-        self._next = imu, predicted
+        self._next = imu, unknown, predicted
         return predicted
 
     def update(self, observations: Observations, stationary: bool) -> Estimate:
@@ -140,9 +140,12 @@ class Smoother:
         live = {"in_window": self._tracks.live_observations()}
         return dict(self._counts + self._tracks.counts) | live
 
-    def _append_state(self, imu: ImuBatch, predicted: NavState) -> None:
+    def _append_state(
+        self, imu: ImuBatch, unknown: UnknownMotion | None, predicted: NavState
+    ) -> None:
         i, j = self._frame, self._frame + 1
-        self._motion[i] = self._preintegrator.factors(imu, self._states.bias[-1], i, j)
+        bias = self._states.bias[-1]
+        self._motion[i] = self._preintegrator.factors(imu, bias, i, j, unknown)
         self._frame = j
         self._states = self._states.append(j, predicted)
 
