@@ -113,7 +113,7 @@ class StaticStartConfig(Model):
 class DynamicStartConfig(Model):
     """Start in motion: images and IMU of a window explain each other."""
 
-    min_window_s: Positive = Field(1.0, description="shortest stretch of data to try")
+    min_window_s: Positive = Field(1.5, description="shortest stretch of data to try")
     max_window_s: Positive = Field(5.0, description="longest; older data is forgotten")
     every_s: Positive = Field(0.5, description="between two tries")
     max_images: int = Field(25, ge=5, le=200, description="of a window, evenly spread")

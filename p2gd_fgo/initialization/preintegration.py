@@ -7,6 +7,7 @@ ends integrate.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -42,7 +43,7 @@ class Intervals:
 def intervals(imu: ImuBatch, stamps_ns: IntArray) -> Intervals:
     """Cut the samples at the images: N + 1 stamps give N intervals."""
     ends = stamps_ns.tolist()
-    cut = [increments(between(imu, a, b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+    cut = [increments(between(imu, a, b)) for a, b in pairwise(ends)]
     most = max(len(c.dt_s) for c in cut)
     dt_s = np.zeros((len(cut), most))
     gyro, accel = np.zeros((len(cut), most, 3)), np.zeros((len(cut), most, 3))

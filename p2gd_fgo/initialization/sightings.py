@@ -13,7 +13,6 @@ import numpy as np
 from p2gd_fgo.frontend import FeatureBuffer
 from p2gd_fgo.types import NANOSECONDS, BoolArray, FloatArray, IntArray
 
-
 _LEAST_SIGHTINGS = 3  # two say next to nothing about motion, and take any depth
 
 

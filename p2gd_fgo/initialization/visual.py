@@ -78,7 +78,7 @@ class Views:
         self, R: FloatArray, p: FloatArray, points: Points
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Residuals (N, 2) and derivatives by (δθ, δp) (N, 2, 6) and by (a, b, ρ) (N, 2, 3)."""
-        r, in_imu, seen, R_cam, Y, offset = self._evaluate(R, p, points)
+        r, in_imu, seen, R_cam, offset = self._evaluate(R, p, points)
         k, m = self.sightings.image, self.sightings.track
         inverse = 1.0 / seen[:, 2]
         plane = seen[:, :2] * inverse[:, None]
@@ -161,9 +161,9 @@ class Views:
         V = np.add.reduceat(J_lt @ J_l, starts)
         V[:, 2, 2] += _WEAK
         b = -np.add.reduceat((J_lt @ r[..., None])[..., 0], starts)
-        W = np.zeros((tracks, images, 3, 6))
-        W[m, k] = J_lt @ J_x
-        W = np.ascontiguousarray(W.transpose(0, 2, 1, 3)).reshape(tracks, 3, 6 * images)
+        by_image = np.zeros((tracks, images, 3, 6))
+        by_image[m, k] = J_lt @ J_x
+        W = np.ascontiguousarray(by_image.transpose(0, 2, 1, 3)).reshape(tracks, 3, 6 * images)
         V_inverse = np.linalg.inv(V)
         gain = V_inverse @ W
         shift = (V_inverse @ b[..., None])[..., 0]
@@ -181,7 +181,7 @@ class Views:
 
     def _evaluate(
         self, R: FloatArray, p: FloatArray, points: Points
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
         k, m = self.sightings.image, self.sightings.track
         R_ic, p_ic = self._T_imu_cam[:3, :3], self._T_imu_cam[:3, 3]
         R_cam = R @ R_ic
@@ -199,7 +199,7 @@ class Views:
         miss = seen[:, :2] / z - self.sightings.normalized
         r = (self._white @ miss[..., None])[..., 0]
         r[~ahead] = np.inf
-        return r, in_imu, seen, R_cam, direction[m, :, 0], offset
+        return r, in_imu, seen, R_cam, offset
 
 
 def _root_weights(r: FloatArray) -> FloatArray:

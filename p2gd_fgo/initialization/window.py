@@ -27,9 +27,9 @@ _GATE = 4.0  # standard deviations of a sighting
 # Inverse depth over its standard deviation. Points without parallax take any depth that fits their
 # noise, and a few hundred of them make a wrong scale look certain.
 _LEAST_DEPTH_RATIO = 5.0
-# A good tracker errs by much less than the back ends' pixel noise, which covers drifting tracks too.
+# A good tracker errs by much less than the back ends' pixel noise, which covers drift too.
 # The residuals say how much less; a factor stands for what tracks have in common and they hide.
-_CAUTION, _LEAST_NOISE = 2.0, 0.25
+_CAUTION, _LEAST_NOISE = 2.0, 0.5
 _FAR = 0.02  # 1/m, for tracks that can't be triangulated
 DBG = False
 _NEAR = 2.0  # 1/m
@@ -145,7 +145,8 @@ class WindowSolver:
                 states = _carried(guess, sightings, pieces, self._noise, self._gravity)
             if states is None:
                 return None
-            return self._refined(sightings, pieces, states)
+            with np.errstate(all="ignore"):  # a step gone wrong costs nan or inf, and is undone
+                return self._refined(sightings, pieces, states)
         except LinAlgError:
             if DBG:
                 raise
@@ -191,9 +192,7 @@ class WindowSolver:
         factor = float(np.clip(_rms(kept, states, points) * _CAUTION, _LEAST_NOISE, 1.0))
         kept = kept.only(np.ones(good.sum(), dtype=bool), factor)
         bundle = Bundle(pieces, kept, self._noise, self._gravity, self._beliefs)
-        states, points, _, converged = bundle.minimize(
-            states, points, _FINAL_STEPS, robust=False
-        )
+        states, points, _, converged = bundle.minimize(states, points, _FINAL_STEPS, robust=False)
         covariance = bundle.newest_covariance(states, points)
         r, _, C = inertial_residuals(states, pieces, self._noise, self._gravity)
         white = np.linalg.solve(np.linalg.cholesky(C), r[..., None])
