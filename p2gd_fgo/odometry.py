@@ -24,7 +24,7 @@ from p2gd_fgo.imu import (
     rotation_over,
     without_earth_rotation,
 )
-from p2gd_fgo.initialization import imu_is_quiet, make_initializer, stillness
+from p2gd_fgo.initialization import imu_history_s, imu_is_quiet, make_initializer, stillness
 from p2gd_fgo.priors import PriorIntake, PriorSource, make_prior_source
 from p2gd_fgo.timing import StageTimer
 from p2gd_fgo.troubles import Trouble, TroubleWatch
@@ -107,15 +107,14 @@ class Odometry:
         )
         self._priors = PriorIntake(source, p2gd.horizon, config.priors)
         self._backend: Backend = make_backend(config, calibration, self.timer)
-        self._initializer = make_initializer(config, truth)
+        self._initializer = make_initializer(config, calibration, noise, truth)
         self._imu = ImuBuffer()
         latitude_deg = config.imu.latitude_deg
         self._earth_rate = (
             None if latitude_deg is None else earth_rate(latitude_deg, config.imu.heading_deg)
         )
         self._history_ns = round(
-            (max(config.stationary.window_s, config.initialization.static.window_s) + 0.5)
-            * NANOSECONDS
+            (max(config.stationary.window_s, imu_history_s(config)) + 0.5) * NANOSECONDS
         )
         self._last_ns: int | None = None
         self._tracked_ns: int | None = None

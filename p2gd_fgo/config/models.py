@@ -118,6 +118,44 @@ class StaticStartConfig(Model):
     sigma_gravity: Positive = Field(0.02, description="m/s², 1 sigma, of the accelerometer's mean")
 
 
+class DynamicStartConfig(Model):
+    """Start in motion: images and IMU of a window explain each other."""
+
+    min_window_s: Positive = Field(1.5, description="shortest stretch of data to try")
+    max_window_s: Positive = Field(5.0, description="longest; older data is forgotten")
+    every_s: Positive = Field(0.5, description="between two tries")
+    max_images: int = Field(25, ge=5, le=200, description="of a window, evenly spread")
+    max_wait_s: Positive = Field(20.0, description="refuse the recording after this long")
+    min_tracks: int = Field(30, ge=8, description="seen twice or more in the window")
+    sigma_gyro_bias: Positive = Field(0.1, description="rad/s, 1 sigma, before anything was seen")
+    sigma_accel_bias: Positive = Field(0.1, description="m/s², 1 sigma, before anything was seen")
+    max_speed_sigma: Positive = Field(
+        0.1, description="share of the speed: 1 sigma of speed and scale; larger: wait for more"
+    )
+    still_speed_sigma: Positive = Field(
+        0.05, description="m/s; a 1 sigma below this is small enough at any speed"
+    )
+    max_tilt_sigma_deg: Positive = Field(1.0, description="1 sigma of roll and pitch")
+    max_bias_sigmas: Positive = Field(4.0, description="biases beyond this many sigmas: no start")
+    max_residual: Positive = Field(
+        2.0, description="RMS of pixel and IMU residuals, in their standard deviations"
+    )
+    min_inliers: Annotated[float, Field(gt=0, le=1)] = Field(
+        0.6, description="share of the sightings that agree with the motion"
+    )
+    sigma_yaw_deg: Positive = Field(0.1, description="1 sigma (a free choice of the frame)")
+    sigma_position: Positive = Field(0.01, description="m, 1 sigma (a free choice of the frame)")
+
+    @model_validator(mode="after")
+    def _ordered(self) -> DynamicStartConfig:
+        if self.min_window_s > self.max_window_s:
+            raise ValueError(
+                f"min_window_s is {self.min_window_s:g}, but max_window_s {self.max_window_s:g}: "
+                "give at most that"
+            )
+        return self
+
+
 class GivenStartConfig(Model):
     """Start from a known state, as in the paper."""
 
@@ -148,10 +186,13 @@ class GivenStartConfig(Model):
 class InitializationConfig(Model):
     """How the estimator is started."""
 
-    kind: Literal["static", "given"] = Field(
-        "static", description="static: from a standstill; given: from truth or config"
+    kind: Literal["auto", "static", "dynamic", "given"] = Field(
+        "static",
+        description="static: from a standstill; dynamic: in motion; auto: static if still, dynamic "
+        "if moving; given: from truth or config",
     )
     static: StaticStartConfig = StaticStartConfig()
+    dynamic: DynamicStartConfig = DynamicStartConfig()
     given: GivenStartConfig = GivenStartConfig()
 
 

@@ -110,10 +110,7 @@ def level_state(
             f"m/s² off imu.gravity = {gravity:g}: check the unit of its samples"
         )
     up = mean_force / size
-    x_axis = np.array([1.0, 0.0, 0.0]) if abs(up[0]) < 0.9 else np.array([0.0, 0.0, 1.0])
-    forward = x_axis - up * (up @ x_axis)
-    forward /= np.linalg.norm(forward)
-    R_world_imu = np.stack([forward, np.cross(up, forward), up])
+    R_world_imu = heading_frame(up)
 
     P = np.zeros((ERROR_DIM, ERROR_DIM))
     any_tilt = 1.0  # rad, before gravity is looked at
@@ -141,3 +138,14 @@ def level_state(
         accel_bias,
     )
     return state, P
+
+
+def heading_frame(up: FloatArray) -> FloatArray:
+    """R_world_imu (3, 3) of a body that sees up (3,) there: z up, x where the body's x points.
+
+    A body whose x axis points up or down has the heading of its z axis.
+    """
+    x_axis = np.array([1.0, 0.0, 0.0]) if abs(up[0]) < 0.9 else np.array([0.0, 0.0, 1.0])
+    forward = x_axis - up * (up @ x_axis)
+    forward /= np.linalg.norm(forward)
+    return np.stack([forward, np.cross(up, forward), up])

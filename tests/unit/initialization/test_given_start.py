@@ -10,7 +10,7 @@ from p2gd_fgo.config import Config, GivenStartConfig, override
 from p2gd_fgo.errors import DataError, InitializationError
 from p2gd_fgo.frontend import FeatureBuffer
 from p2gd_fgo.geometry import so3
-from p2gd_fgo.initialization import GivenStart, Start, make_initializer
+from p2gd_fgo.initialization import GivenStart, Start
 from p2gd_fgo.initialization.given import disturbed
 from p2gd_fgo.simulation.routes import CAR, make_route
 from p2gd_fgo.types import NANOSECONDS, FloatArray, ImuBatch, NavState, Trajectory, Truth, Waiting
@@ -131,8 +131,8 @@ def test_a_state_from_the_configuration() -> None:
 def test_without_truth_it_is_refused() -> None:
     config = override(Config(), {"initialization.kind": "given"})
     with pytest.raises(DataError, match=r"no truth: use 'static', or .*source=config"):
-        make_initializer(config, None)
-    assert isinstance(make_initializer(config, truth()), GivenStart)
+        GivenStart(config.initialization.given, None, 0)
+    assert isinstance(GivenStart(config.initialization.given, truth(), 0), GivenStart)
 
 
 def error_of(told: NavState, true: NavState) -> FloatArray:

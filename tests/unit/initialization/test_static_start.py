@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from p2gd_fgo.config import Config, StaticStartConfig, StationaryConfig
+from p2gd_fgo.config import StaticStartConfig, StationaryConfig
 from p2gd_fgo.errors import InitializationError
 from p2gd_fgo.frontend import FeatureBuffer
 from p2gd_fgo.geometry import so3
-from p2gd_fgo.initialization import Start, StaticStart, make_initializer
+from p2gd_fgo.initialization import Start, StaticStart
 from p2gd_fgo.initialization.static import level_state
 from p2gd_fgo.types import NANOSECONDS, FloatArray, ImuBatch, Waiting
 
@@ -120,7 +120,10 @@ class Recording:
 
 
 def test_it_starts_as_soon_as_the_window_is_still() -> None:
-    recording, initializer = Recording(0.01), make_initializer(Config(), None)
+    recording, initializer = (
+        Recording(0.01),
+        StaticStart(StaticStartConfig(), StationaryConfig(), GRAVITY),
+    )
     for k in range(10):
         answer = initializer.attempt(recording.advance(k), recording.imu, recording.buffer)
         assert isinstance(answer, Waiting)
@@ -150,7 +153,10 @@ def test_the_refusal_comes_in_time_and_names_values_and_thresholds() -> None:
 
 
 def test_a_recording_shorter_than_the_window_is_refused_with_a_reason() -> None:
-    recording, initializer = Recording(0.01), make_initializer(Config(), None)
+    recording, initializer = (
+        Recording(0.01),
+        StaticStart(StaticStartConfig(), StationaryConfig(), GRAVITY),
+    )
     for k in range(5):
         initializer.attempt(recording.advance(k), recording.imu, recording.buffer)
     assert "no 1 s of IMU data and images in 0.4 s" in str(initializer.refusal())

@@ -1,0 +1,164 @@
+"""Does `auto` start, how soon, and how well? Prints a table in markdown.
+
+Every recording is cut open at five times, standing and moving, and run for as long as the start may
+take and ten seconds more.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import argparse
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from p2gd_fgo.config import load_config, override
+from p2gd_fgo.datasets import Sequence, open_sequence
+from p2gd_fgo.errors import EstimatorError, InitializationError
+from p2gd_fgo.geometry.pose import interpolate
+from p2gd_fgo.odometry import Odometry
+from p2gd_fgo.types import NANOSECONDS, Estimate, FloatArray, NavState
+
+SETTLE_S = 10.0  # after the start
+SCALE_S = 3.0  # of path that the scale is measured on
+LEAST_WAY_M = 1.0  # a shorter one has no scale
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Of one start: NaN where there is no such number."""
+
+    after_s: float
+    speed: float
+    speed_error: float
+    tilt_deg: float
+    nees: float
+    scale: float
+    note: str
+
+
+def run(path: Path, start_s: float, settings: dict[str, str]) -> Outcome:
+    base = {"initialization.kind": "auto", "dataset.start_s": start_s}
+    config = override(load_config(), {**base, "dataset.path": str(path), **settings})
+    sequence = open_sequence(config.dataset)
+    odometry = Odometry(sequence.calibration, config)
+    stamps = sequence.image_stamps_ns.tolist()
+    estimates: list[Estimate] = []
+    note, failed = "", ""
+    odometry.add_imu(sequence.imu)
+    for index, stamp in enumerate(stamps):
+        try:
+            answer = odometry.add_image(stamp, sequence.image(index))
+        except (InitializationError, EstimatorError) as error:
+            failed = f"{type(error).__name__}: {error}"
+            break
+        if isinstance(answer, Estimate):
+            if not estimates:
+                first, note = answer, odometry.start_note or ""
+            estimates.append(answer)
+            if answer.state.stamp_ns - first.state.stamp_ns >= SETTLE_S * NANOSECONDS:
+                break
+    if not estimates:
+        return Outcome(*[np.nan] * 6, failed or "no start before the recording's end")
+    state = first.state
+    after_s = (state.stamp_ns - odometry.offset_ns - stamps[0]) / NANOSECONDS
+    speed, speed_error, tilt_deg, nees = start_error(sequence, first)
+    scale = np.nan if failed else path_scale(sequence, estimates)
+    return Outcome(after_s, speed, speed_error, tilt_deg, nees, scale, failed or note)
+
+
+def truth_at(sequence: Sequence, stamps: list[int]) -> FloatArray:
+    truth = sequence.truth
+    assert truth is not None
+    return interpolate(truth.trajectory, np.array(stamps))
+
+
+def start_error(sequence: Sequence, first: Estimate) -> tuple[float, float, float, float]:
+    """True speed, error of the speed, angle between the verticals, NEES of v and tilt (5)."""
+    state: NavState = first.state
+    half = NANOSECONDS // 20
+    T = truth_at(sequence, [state.stamp_ns - half, state.stamp_ns, state.stamp_ns + half])
+    truth = sequence.truth
+    assert truth is not None
+    velocity = (T[2, :3, 3] - T[0, :3, 3]) / (2 * half / NANOSECONDS)
+    if truth.velocity is not None:
+        at = int(np.argmin(np.abs(truth.trajectory.stamps_ns - state.stamp_ns)))
+        velocity = truth.velocity[at]
+    R, R_true = state.T_world_imu[:3, :3], T[1, :3, :3]
+    axis = np.cross(R[2], R_true[2])  # Exp(δ) R_trueᵀ e = Rᵀ e in the body's frame
+    tilt = float(np.degrees(np.arcsin(min(np.linalg.norm(axis), 1.0))))
+    # In the frame of the body everything is comparable whatever the heading.
+    error = np.concatenate([R_true.T @ velocity - R.T @ state.velocity, axis])
+    P = first.covariance
+    J = np.zeros((6, 15))  # δ(Rᵀ v) = Rᵀ δv + hat(Rᵀ v) δθ; δ(Rᵀ e) across the vertical
+    v = R.T @ state.velocity
+    J[:3, 0:3] = [[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]]
+    J[:3, 6:9] = R.T
+    across = np.linalg.svd(R[2][None])[2][1:]
+    J[3:, 0:3] = np.eye(3)
+    pick = np.zeros((5, 6))
+    pick[:3, :3], pick[3:, 3:] = np.eye(3), across
+    e, C = pick @ error, pick @ J @ P @ J.T @ pick.T
+    speed = float(np.linalg.norm(velocity))
+    nees = float(e @ np.linalg.solve(C, e))
+    return speed, float(np.linalg.norm(state.velocity)) - speed, tilt, nees
+
+
+def path_scale(sequence: Sequence, estimates: list[Estimate]) -> float:
+    """Estimated over true spread of the positions: the last seconds that lead anywhere."""
+    stamps = [e.state.stamp_ns for e in estimates]
+    true = truth_at(sequence, stamps)[:, :3, 3]
+    ours = np.array([e.state.T_world_imu[:3, 3] for e in estimates])
+    seconds = (np.array(stamps) - stamps[0]) / NANOSECONDS
+    for length_s in (SCALE_S, 2 * SCALE_S, SETTLE_S):
+        late = seconds >= seconds[-1] - length_s
+        spread = np.linalg.norm(true[late] - true[late].mean(0))
+        if np.linalg.norm(np.ptp(true[late], axis=0)) >= LEAST_WAY_M:
+            return float(np.linalg.norm(ours[late] - ours[late].mean(0)) / spread)
+    return float("nan")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("recordings", nargs="+", type=Path)
+    parser.add_argument("--starts", default="0,2.5,5,7.5,10", help="seconds, comma-separated")
+    parser.add_argument("--set", action="append", default=[], metavar="FIELD=VALUE")
+    options = parser.parse_args()
+    settings = dict(item.split("=", 1) for item in options.set)
+    starts = [float(s) for s in options.starts.split(",")]
+    write = sys.stdout.write
+    write(
+        "| recording | from s | start after s | speed m/s | error m/s | tilt ° | NEES (5) "
+        "| scale after 10 s | how |\n|---|---|---|---|---|---|---|---|---|\n"
+    )
+    outcomes = []
+    for path in options.recordings:
+        for start_s in starts:
+            o = run(path, start_s, settings)
+            outcomes.append(o)
+            write(
+                f"| {path.name} | {start_s:g} | {o.after_s:.1f} | {o.speed:.2f} | "
+                f"{o.speed_error:+.2f} | {o.tilt_deg:.2f} | {o.nees:.1f} | {o.scale:.3f} | "
+                f"{o.note} |\n"
+            )
+            sys.stdout.flush()
+    soon = np.array([o.after_s <= 5.0 for o in outcomes])
+    scale = np.array([o.scale for o in outcomes])
+    right = np.abs(scale - 1.0) <= 0.1
+    known = np.isfinite(scale) | ~np.isfinite([o.after_s for o in outcomes])
+    tilts = np.array([o.tilt_deg for o in outcomes])
+    write(
+        f"\n{len(outcomes)} starts: {soon.mean():.0%} within 5 s of data; of {known.sum()} that "
+        f"moved or failed, scale within 10 % after 10 s: {right[known].mean():.0%}; largest tilt "
+        f"error {np.nanmax(tilts, initial=0.0):.2f}°, {np.sum(tilts > 3.0)} beyond 3°\n"
+    )
+
+
+if __name__ == "__main__":
+    main()

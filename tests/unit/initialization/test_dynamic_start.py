@@ -1,0 +1,201 @@
+"""The start in motion: exact without noise, honest with it, and a refusal that says why."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+from start_windows import buffer_of, drive, error_of, true_states, window
+
+from p2gd_fgo.config import Config, DynamicStartConfig, load_config, override
+from p2gd_fgo.datasets.base import ImuNoise
+from p2gd_fgo.errors import ConfigError, InitializationError
+from p2gd_fgo.initialization import AutoStart, DynamicStart, Start, make_initializer
+from p2gd_fgo.initialization.gyro_alignment import align_gyro
+from p2gd_fgo.initialization.linear import solve_linear
+from p2gd_fgo.initialization.preintegration import intervals, preintegrate
+from p2gd_fgo.initialization.window import WindowSolver
+from p2gd_fgo.simulation.feature_recording import FeatureRecording
+from p2gd_fgo.types import NavState, Waiting
+
+GRAVITY = 9.81
+
+
+def solver(recording: FeatureRecording) -> WindowSolver:
+    noise = recording.calibration.imu_noise
+    assert noise is not None
+    return WindowSolver(recording.calibration, noise, GRAVITY, 1.0, DynamicStartConfig())
+
+
+def test_without_noise_the_steps_are_exact() -> None:
+    recording = drive(1, noise=False)
+    sightings = window(recording, 30, 50)
+    truth = true_states(recording, sightings)
+    noise = recording.calibration.imu_noise
+    assert noise is not None
+    pieces = intervals(recording.imu, sightings.stamps_ns)
+    T_imu_cam = recording.calibration.T_imu_cam
+    bias = align_gyro(sightings, pieces, T_imu_cam[:3, :3], noise, 0.1, 1e-3)
+    assert bias is not None
+    np.testing.assert_allclose(bias, 0.0, atol=1e-5)
+    motion = preintegrate(pieces, np.zeros(3), np.zeros(3), noise)
+    linear = solve_linear(sightings, motion, T_imu_cam, GRAVITY, 0.1, 1e-6)
+    up = linear.R[-1].T @ -linear.gravity / GRAVITY
+    np.testing.assert_allclose(up, truth.R[-1, 2], atol=0.02)  # the bias' prior leaves a little
+    body_velocity = linear.R[-1].T @ linear.v[-1]
+    np.testing.assert_allclose(body_velocity, truth.R[-1].T @ truth.v[-1], atol=0.2)
+
+    found = solver(recording).solve(sightings, recording.imu)
+    assert found is not None and found.converged
+    error = error_of(found.state, truth)
+    assert np.degrees(np.abs(error[:3])).max() < 0.02
+    np.testing.assert_allclose(error[6:9], 0.0, atol=0.01)
+    np.testing.assert_allclose(error[9:12], 0.0, atol=2e-5)
+
+
+def test_a_large_gyro_bias_is_found_before_anything_else() -> None:
+    recording = drive(2, noise=True)
+    sightings = window(recording, 20, 40)
+    truth = recording.gyro_bias[40]
+    noise = recording.calibration.imu_noise
+    assert noise is not None
+    shifted = np.array([0.03, -0.06, 0.08])
+    pieces = intervals(recording.imu, sightings.stamps_ns)
+    pieces.gyro[:] += np.where(pieces.dt_s[..., None] > 0.0, shifted, 0.0)
+    T_imu_cam = recording.calibration.T_imu_cam
+    bias = align_gyro(sightings, pieces, T_imu_cam[:3, :3], noise, 0.1, 1.0 / 800.0)
+    assert bias is not None
+    np.testing.assert_allclose(bias, truth + shifted, atol=0.006)
+
+
+def test_with_noise_the_covariance_says_how_far_off_the_state_is() -> None:
+    """NEES of tilt, velocity and biases (11), over windows of different drives."""
+    nees, sure = [], 0
+    for seed in range(12):
+        recording = drive(seed, duration_s=8.0)
+        sightings = window(recording, 20, 60)
+        truth = true_states(recording, sightings)
+        guess = NavState(
+            int(sightings.stamps_ns[-1]),
+            np.block([[truth.R[-1], np.zeros((3, 1))], [np.zeros((1, 3)), np.ones((1, 1))]]),
+            truth.v[-1],
+            truth.gyro_bias[-1],
+            truth.accel_bias[-1],
+        )
+        found = solver(recording).solve(sightings, recording.imu, guess)
+        assert found is not None
+        error, P = error_of(found.state, truth), found.covariance
+        np.testing.assert_allclose(P, P.T, atol=1e-12)
+        assert np.linalg.eigvalsh(P).min() > 0.0
+        basis = np.linalg.svd(found.state.T_world_imu[2, :3][None])[2][1:]
+        pick = np.zeros((11, 15))
+        pick[:2, :3], pick[2:, 6:] = basis, np.eye(9)
+        e = pick @ error
+        nees.append(float(e @ np.linalg.solve(pick @ P @ pick.T, e)))
+        sure += found.speed_sigma < 0.1 * found.speed
+    # The prior of the accelerometer's bias is three times what the simulation draws: a low value
+    # is right, and the upper bound is what the test is for.
+    assert np.mean(nees) < chi2.ppf(0.999, 11 * len(nees)) / len(nees), nees
+    assert sure >= 3  # the others say that they don't know the speed
+
+
+def attempts(initializer: object, recording: FeatureRecording, first: int) -> Start | None:
+    for k in range(first, len(recording.observations)):
+        observations = recording.observations[k]
+        answer = initializer.attempt(  # type: ignore[attr-defined]
+            observations.stamp_ns, recording.imu, buffer_of(observations)
+        )
+        if isinstance(answer, Start):
+            return answer
+        assert isinstance(answer, Waiting)
+    return None
+
+
+def test_it_starts_in_motion_and_reports_time_and_images() -> None:
+    recording = drive(4, duration_s=12.0)
+    noise = recording.calibration.imu_noise
+    assert noise is not None
+    initializer = DynamicStart(DynamicStartConfig(), recording.calibration, noise, GRAVITY, 1.0)
+    start = attempts(initializer, recording, 20)
+    assert start is not None
+    k = int(np.searchsorted(recording.image_stamps_ns, start.state.stamp_ns))
+    true_speed = float(np.linalg.norm(recording.velocity[k]))
+    speed = float(np.linalg.norm(start.state.velocity))
+    assert abs(speed - true_speed) < 0.15 * true_speed
+    up = start.state.T_world_imu[2, :3] @ recording.T_world_imu[k, 2, :3]
+    assert np.degrees(np.arccos(up)) < 2.0
+    np.testing.assert_allclose(start.state.T_world_imu[:2, 3], 0.0, atol=1e-3)
+    after = (k - 20) / 10
+    assert start.note.startswith(f"dynamic, after {after:.1f} s: ")
+    assert " images, " in start.note and " tracks, speed " in start.note
+
+
+def test_a_start_that_is_not_sure_enough_waits_and_the_refusal_says_by_how_much() -> None:
+    recording = drive(4, duration_s=6.0)
+    noise = recording.calibration.imu_noise
+    assert noise is not None
+    config = DynamicStartConfig(max_speed_sigma=1e-4, still_speed_sigma=1e-4, max_wait_s=2.5)
+    initializer = DynamicStart(config, recording.calibration, noise, GRAVITY, 1.0)
+    with pytest.raises(InitializationError) as caught:
+        attempts(initializer, recording, 20)
+    text = str(caught.value)
+    assert text.startswith("the dynamic start found no motion to start from in 2.6 s: at best ")
+    assert "speed and scale are uncertain by" in text and "(threshold 0%" in text
+    assert "\n" not in text
+
+
+def test_without_tracks_the_refusal_says_so() -> None:
+    recording = drive(4, duration_s=2.0)
+    noise = recording.calibration.imu_noise
+    assert noise is not None
+    config = DynamicStartConfig(min_tracks=5000)
+    initializer = DynamicStart(config, recording.calibration, noise, GRAVITY, 1.0)
+    assert attempts(initializer, recording, 0) is None
+    assert "fewer than 5000 tracks" in str(initializer.refusal())
+
+
+def test_auto_starts_static_when_standing_and_dynamic_when_moving() -> None:
+    noise = ImuNoise(1.7e-4, 1e-5, 5.9e-3, 1e-4)
+    config = override(load_config(), {"initialization.kind": "auto"})
+
+    recording = drive(4, duration_s=12.0)
+    moving = make_initializer(config, recording.calibration, noise, None)
+    assert isinstance(moving, AutoStart)
+    start = attempts(moving, recording, 20)
+    assert start is not None and start.note.startswith("dynamic")
+
+    from test_static_start import Recording
+
+    standing = Recording(0.01)
+    initializer = make_initializer(config, recording.calibration, noise, None)
+    for k in range(11):
+        answer = initializer.attempt(standing.advance(k), standing.imu, standing.buffer)
+    assert isinstance(answer, Start) and answer.note == "static, after 1.0 s"
+
+
+def test_auto_refuses_only_when_both_do_and_gives_both_reasons() -> None:
+    from test_static_start import Recording
+
+    recording, shaking = drive(4, duration_s=2.0), Recording(0.4)
+    noise = recording.calibration.imu_noise
+    assert noise is not None
+    config: Config = override(
+        load_config(),
+        {
+            "initialization.kind": "auto",
+            "initialization.static.max_wait_s": "1.5",
+            "initialization.dynamic.max_wait_s": "2.5",
+        },
+    )
+    initializer = make_initializer(config, recording.calibration, noise, None)
+    for k in range(26):
+        assert isinstance(
+            initializer.attempt(shaking.advance(k), shaking.imu, shaking.buffer), Waiting
+        )
+    with pytest.raises(InitializationError, match=r"no standstill.*; the dynamic start found no"):
+        initializer.attempt(shaking.advance(26), shaking.imu, shaking.buffer)
+
+
+def test_a_window_longer_than_it_may_be_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r"min_window_s is 6, but max_window_s 5"):
+        override(load_config(), {"initialization.dynamic.min_window_s": "6"})
