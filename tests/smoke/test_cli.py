@@ -109,8 +109,8 @@ class TestRun:
     def test_run_directory_is_whole(self, done: Path) -> None:
         names = {path.name for path in done.iterdir()}
         assert names == {
-            "config.yaml", "estimate.tum", "events.jsonl", "evo_result.zip", "metrics.json",
-            "smoothed.tum", "status.json", "timing.csv", "tracks.npz", "trajectory.png",
+            "config.yaml", "estimate.tum", "events.jsonl", "evo_result.zip", "frames.csv",
+            "metrics.json", "smoothed.tum", "status.json", "timing.csv", "tracks.npz", "trajectory.png",
             "truth.tum",
         }  # fmt: skip
         assert json.loads((done / "status.json").read_text())["state"] == "done"
