@@ -68,7 +68,9 @@ def _table(path: Path) -> tuple[np.ndarray, FloatArray]:
 
 
 def _save(path: Path, stamps: np.ndarray, values: FloatArray) -> None:
-    rows = (f"{s}," + ",".join(f"{v:.12g}" for v in row) for s, row in zip(stamps, values))
+    rows = (
+        f"{s}," + ",".join(f"{v:.12g}" for v in row) for s, row in zip(stamps, values, strict=True)
+    )
     path.write_text("#timestamp [ns]\n" + "\n".join(rows) + "\n")
 
 

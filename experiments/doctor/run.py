@@ -36,9 +36,7 @@ def judge(found: Report | DataError, broken: Break) -> tuple[bool, str]:
     """Right: a name that fits, no name that doesn't, and not fit without a warning."""
     if isinstance(found, DataError):
         return "refused" in broken.names, f"refused: {found}"
-    said = "; ".join(
-        f"**{f.fault}**: {f.value}" for f in found.findings if f.fault in found.faults
-    )
+    said = "; ".join(f"**{f.fault}**: {f.value}" for f in found.findings if f.fault in found.faults)
     wrong = set(found.faults) - {*broken.names, *broken.along}
     right = bool(set(found.faults) & set(broken.names)) and not wrong
     return right, f"{found.verdict}: {said or 'nothing'}"

@@ -15,6 +15,7 @@ from p2gd_fgo.cli import config as config_commands
 from p2gd_fgo.cli import study as study_commands
 from p2gd_fgo.cli.compare import compare
 from p2gd_fgo.cli.convert import convert
+from p2gd_fgo.cli.doctor import doctor
 from p2gd_fgo.cli.evaluate import evaluate
 from p2gd_fgo.cli.explain import explain
 from p2gd_fgo.cli.report import report
@@ -35,6 +36,7 @@ app.command()(compare)
 app.command()(explain)
 app.command()(evaluate)
 app.command()(report)
+app.command()(doctor)
 app.command()(simulate)
 app.command()(convert)
 app.add_typer(config_commands.app, name="config")

@@ -1,4 +1,4 @@
-"""The doctor: is a recording fit to run, and if not, which of its numbers is wrong?
+"""The doctor: whether a recording is fit to run, and if not, which of its numbers is wrong.
 
 :func:`examine` looks at stamps, units, lens, images, and at what two sensors say of the same
 rotation; see docs/doctor.md for every check, its threshold and where that comes from.

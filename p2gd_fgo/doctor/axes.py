@@ -39,9 +39,7 @@ class Axes:
         moved = [k for k in range(3) if order[k] != k]
         if len(moved) == 2 and (signs > 0).all():
             return f"{_NAMES[moved[0]]} and {_NAMES[moved[1]]} are swapped"
-        read = ", ".join(
-            f"{'−' if signs[k] < 0 else ''}{_NAMES[order[k]]}" for k in range(3)
-        )
+        read = ", ".join(f"{'−' if signs[k] < 0 else ''}{_NAMES[order[k]]}" for k in range(3))
         return f"x, y, z should be read as {read}"
 
 

@@ -26,10 +26,18 @@ class CameraMatch:
         The best hypothesis; its M takes the gyro's axes to the camera's.
     phi
         (N, 3) the rotations that were compared, rad.
+    focal_factor
+        By how much the focal lengths were corrected before.
     """
 
     match: Match
     phi: FloatArray
+    focal_factor: float = 1.0
+
+    @property
+    def scale(self) -> float:
+        """Rotation in the images, with the calibrated focal length, over that of the gyro."""
+        return self.match.scale * self.focal_factor
 
 
 def camera_rotations(
@@ -39,9 +47,7 @@ def camera_rotations(
     seconds = gyro.seconds(image_stamps_ns)
     begin, end, phi, stretch = [], [], [], []
     for pair in pairs:
-        motion = two_view_motion(
-            lens.undistort(pair.a), lens.undistort(pair.b), lens.focal_px
-        )
+        motion = two_view_motion(lens.undistort(pair.a), lens.undistort(pair.b), lens.focal_px)
         if motion is not None:
             begin.append(seconds[pair.first])
             end.append(seconds[pair.second])

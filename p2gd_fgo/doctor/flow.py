@@ -128,8 +128,9 @@ class _Walk:
         if self._before is not None and usable:
             number, previous = self._before
             if cv2.norm(previous, image, cv2.NORM_L1) / image.size < _SAME:
-                self._out.frozen.append(index)
-            elif len(self._now):
+                self._out.frozen.append(index)  # the next image is compared with the one before
+                return
+            if len(self._now):
                 self._track(number, previous, index, image)
         if not usable:
             self.interrupt()
@@ -168,7 +169,7 @@ class _Walk:
         corners = cv2.goodFeaturesToTrack(
             image, _FEATURES, _QUALITY, _SPACING_SHARE * image.shape[1]
         )
-        self._now = np.zeros((0, 2)) if corners is None else corners[:, 0].astype(np.float64)
+        self._now = np.reshape([] if corners is None else corners, (-1, 2)).astype(np.float64)  # type: ignore[redundant-expr]
         self._born = index, self._now
         self._last = index
 

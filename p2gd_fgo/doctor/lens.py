@@ -1,4 +1,4 @@
-"""Is the lens of the calibration possible at all, whatever the images show?"""
+"""Whether the lens of the calibration is possible at all, whatever the images show."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Does the lens of the calibration explain the tracks, or would another one do better?
+"""Whether the lens of the calibration explains the tracks, or another one would do better.
 
 Epipolar geometry holds for undistorted points whatever the motion is, so its residual judges the
 lens without gyro and truth. For each lens the motion of every pair is found anew; residuals are
@@ -9,7 +9,7 @@ lens that shrinks everything gains nothing.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -60,20 +60,21 @@ class Candidate:
 def candidates(camera: Camera) -> list[Candidate]:
     """Lenses that a calibration file means when it says something else."""
     pinhole = (camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy)
-    k = [getattr(camera, field.name) for field in fields(camera)[6:]]
-    made = []
-    if any(k):
-        straight = RadTanCamera(*pinhole, 0.0, 0.0, 0.0, 0.0)
-        made.append(Candidate(Lens(straight), "there is none: the images are rectified already"))
-        opposite = replace(camera, **{f.name: -v for f, v in zip(fields(camera)[6:], k, strict=True)})
-        made.append(Candidate(Lens(opposite), "the coefficients' signs are the wrong way round"))
-    if isinstance(camera, RadTanCamera):
-        other: Camera = EquidistantCamera(*pinhole, *k[:4])
-        made.append(Candidate(Lens(other), "the coefficients are those of an equidistant lens"))
-    else:
-        other = RadTanCamera(*pinhole, *k[:4])
-        made.append(Candidate(Lens(other), "the coefficients are those of a radtan lens"))
-    return made
+    names = [field.name for field in fields(camera)[6:]]
+    k = [float(getattr(camera, name)) for name in names]
+    if not any(k):
+        return []
+    straight = RadTanCamera(*pinhole, 0.0, 0.0, 0.0, 0.0)
+    opposite = type(camera)(*pinhole, *(-value for value in k))
+    radtan = isinstance(camera, RadTanCamera)
+    model = EquidistantCamera if radtan else RadTanCamera
+    other = model(*pinhole, *k[:4])
+    article = "an equidistant" if radtan else "a radtan"
+    return [
+        Candidate(Lens(straight), "there is none, the images are rectified already"),
+        Candidate(Lens(opposite), "the coefficients' signs are the wrong way round"),
+        Candidate(Lens(other), f"the coefficients are those of {article} lens"),
+    ]
 
 
 class LensFit:

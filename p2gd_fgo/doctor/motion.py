@@ -22,8 +22,6 @@ from p2gd_fgo.doctor.verdict_camera import FOCAL, focal_ratio, judge_camera
 from p2gd_fgo.doctor.verdict_truth import judge_accel, judge_truth
 from p2gd_fgo.types import NANOSECONDS, ImuBatch
 
-_SAME_TIME_S = 0.005
-
 
 def check_motion(
     sequence: Sequence,
@@ -47,19 +45,21 @@ def check_motion(
     if said is not None and camera is not None:
         mended = eyes.match(verdict.lens, said)
         if mended is not None and _better(mended, camera):
-            gyro_axes, camera = said, mended
+            gyro_axes, camera = said, replace(mended, focal_factor=camera.focal_factor)
     tolerances = _tolerances(sequence, config, camera, truth)
     findings = [verdict.finding, *_gyro(truth, camera, gyro_axes)]
-    findings += _camera_findings(sequence, camera, truth, gyro_axes, tolerances)
+    seen = _camera_findings(sequence, camera, truth, gyro_axes, tolerances)
+    guessed = verdict.finding.status == "fault"
+    findings += [_provisional(finding) for finding in seen] if guessed else seen
     if truth is not None:
         findings += judge_truth(truth, tolerances, config, gyro_axes)
-    if sequence.truth is not None:
+    if sequence.truth is not None and not (truth is not None and truth.inverted):
         imu = ImuBatch(sequence.imu.stamps_ns, sequence.imu.gyro, accel_factor * sequence.imu.accel)
         shift = truth.match.fit.shift_s if truth is not None and truth.match.explains else 0.0
         accel = match_accel(sequence.truth.trajectory, imu, config.imu.gravity, shift)
         if accel is not None:
             findings.append(judge_accel(accel))
-    return _one_clock(findings)
+    return _one_clock(findings, tolerances.shift_thresholds_s[0])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,21 +86,24 @@ class _Eyes:
     def look(self, truth: TruthMatch | None) -> tuple[LensVerdict, CameraMatch | None]:
         """The lens' verdict, and the match with the lens that explains the tracks.
 
-        A wrong focal length bends the epipolar geometry too: where the gyro asks for another one
-        and with it the calibrated coefficients explain the tracks, the lens is acquitted.
+        A wrong focal length bends the epipolar geometry and the axes of the rotation too: where
+        the gyro asks for another one, and the calibrated coefficients explain the tracks with it,
+        everything else is judged with it.
         """
         camera = self.sequence.calibration.camera
         verdict = check_tracks(self.sample.chains, camera)
         plain = self.match(Lens(camera), None)
-        if verdict.finding.status not in ("warning", "fault"):
-            return verdict, plain
         if plain is not None and plain.match.explains:
-            ratio = focal_ratio(plain.match, _gyro_scale(truth))
-            if abs(ratio - 1.0) > FOCAL:
+            ratio = focal_ratio(plain.scale, _gyro_scale(truth))
+            if abs(np.log(ratio)) > FOCAL:
                 scaled = replace(camera, fx=camera.fx * ratio, fy=camera.fy * ratio)
                 again = check_tracks(self.sample.chains, scaled)
-                if again.finding.status == "ok":
-                    return LensVerdict(again.finding, Lens(camera)), plain
+                refit = self.match(Lens(scaled), None)
+                if again.finding.status in ("ok", "undetermined") and refit is not None:
+                    acquitted = LensVerdict(again.finding, Lens(scaled))
+                    return acquitted, replace(refit, focal_factor=ratio)
+        if verdict.finding.status not in ("warning", "fault"):
+            return verdict, plain
         return verdict, self.match(verdict.lens, None)
 
 
@@ -191,7 +194,15 @@ def _camera_findings(
     )
 
 
-def _one_clock(findings: list[Finding]) -> list[Finding]:
+def _provisional(finding: Finding) -> Finding:
+    """A warning that was made with a guessed lens is worth a note; a fault stays one."""
+    if finding.status != "warning":
+        return finding
+    value = f"{finding.value}, with a guessed lens"
+    return replace(finding, status="note", value=value, fault=None)
+
+
+def _one_clock(findings: list[Finding], tolerance_s: float) -> list[Finding]:
     """Where images and truth agree about time, it is the IMU that is late."""
     wrong = {f.fault: f for f in findings if f.fault in ("time_offset", "truth_time")}
     if len(wrong) < 2:
@@ -199,7 +210,7 @@ def _one_clock(findings: list[Finding]) -> list[Finding]:
     camera, truth = wrong["time_offset"], wrong["truth_time"]
     error = float(camera.data["offset_s"] or 0.0) - float(camera.data["configured_s"] or 0.0)
     shift = float(truth.data["shift_s"] or 0.0)
-    if abs(error - shift) > _SAME_TIME_S:
+    if abs(error - shift) > tolerance_s:
         return findings
     value = f"images and truth agree that its stamps are {1e3 * error:+.1f} ms off"
     mend = f"subtract {error:.4f} s from the IMU's stamps"

@@ -216,7 +216,7 @@ class RotationFit:
 
     def _shifts(self) -> FloatArray:
         count = round(MAX_SHIFT_S / _COARSE_S)
-        return self._expected + _COARSE_S * np.arange(-count, count + 1)
+        return np.asarray(self._expected + _COARSE_S * np.arange(-count, count + 1), np.float64)
 
     def _moments(self, shift: float, weight: FloatArray) -> tuple[FloatArray, float, float] | None:
         """Cross moment (3, 3) of φ and θ and both traces, centred; None where too few are left."""
@@ -303,7 +303,7 @@ class RotationFit:
             matrix=turned,
             delta=x[1:4].copy(),
             scale=gain,
-            bias=-np.linalg.solve(gain * turned, x[5:]),
+            bias=np.asarray(-np.linalg.solve(gain * turned, x[5:]), dtype=np.float64),
             cost=cost,
             covariance=covariance,
             inflation=inflation,

@@ -28,7 +28,7 @@ def choose_stretches(image_s: FloatArray, gyro: GyroIntegral) -> list[IntArray]:
     """
     count = len(image_s)
     if count <= IMAGES:
-        return [part for part in np.array_split(np.arange(count), max(count // LENGTH, 1))]
+        return list(np.array_split(np.arange(count), max(count // LENGTH, 1)))
     theta = gyro.rotation(image_s[:-1], image_s[1:])
     theta = theta - np.median(theta, axis=0)
     parts = [np.arange(k, k + LENGTH) for k in range(0, count - LENGTH + 1, LENGTH)]

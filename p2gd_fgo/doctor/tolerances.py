@@ -95,7 +95,9 @@ def make_tolerances(
     back_end = config.backend
     spread = phi - np.median(phi, axis=0)
     rate = float(np.percentile(np.linalg.norm(spread, axis=1), _FAST)) / image_step_s
-    outlier = back_end.msckf.outlier_px if back_end.kind == "msckf" else back_end.smoother.outlier_px
+    outlier = (
+        back_end.msckf.outlier_px if back_end.kind == "msckf" else back_end.smoother.outlier_px
+    )
     return Tolerances(
         back_end.pixel_noise_px, outlier, focal_px, rate, imu_step_s, image_step_s, back_end.window
     )

@@ -12,7 +12,7 @@ import numpy as np
 
 from p2gd_fgo.doctor.axes import Axes, all_axes
 from p2gd_fgo.geometry.pose import interpolate
-from p2gd_fgo.types import NANOSECONDS, FloatArray, ImuBatch, Trajectory
+from p2gd_fgo.types import NANOSECONDS, BoolArray, FloatArray, ImuBatch, IntArray, Trajectory
 
 _H_S = 0.5
 _MAX_WINDOWS = 400
@@ -73,11 +73,11 @@ def match_accel(
     weights = _weighted_outer(shifted, imu, begin, h)
     axes = all_axes()
     misses = [_miss(weights, choice.matrix, wanted) for choice in axes]
-    best = int(np.argmin([miss * (1.0 + 0.05 * c.changes) for miss, c in zip(misses, axes, strict=True)]))
-    if misses[0] < _COARSE or misses[best] > _CLEARLY * misses[0]:
+    best = int(np.argmin(misses))
+    if misses[best] > min(_COARSE, _CLEARLY * misses[0]):
         best = 0
     measured = np.einsum("nijl,jl->ni", weights, axes[best].matrix)
-    up = np.median(measured - wanted, axis=0) + [0.0, 0.0, gravity]
+    up = np.median(measured - wanted, axis=0) + np.array([0.0, 0.0, gravity])
     tilt = np.degrees(np.arctan2(np.hypot(up[0], up[1]), up[2]))
     return AccelMatch(axes[best], float(tilt), misses[best], misses[0])
 
@@ -88,7 +88,7 @@ def _miss(weights: FloatArray, matrix: FloatArray, wanted: FloatArray) -> float:
 
 
 def _weighted_outer(
-    trajectory: Trajectory, imu: ImuBatch, begin_ns: np.ndarray, h_ns: int
+    trajectory: Trajectory, imu: ImuBatch, begin_ns: IntArray, h_ns: int
 ) -> FloatArray:
     """Triangle-weighted means (W, 3, 3, 3) of R[i, j] a[l] from begin to begin + 2 h."""
     R = interpolate(trajectory, imu.stamps_ns)[:, :3, :3]
@@ -107,7 +107,7 @@ def _cumulative(values: FloatArray, dt: FloatArray) -> FloatArray:
     return np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(rise, axis=0)])
 
 
-def _holds(stamps_ns: np.ndarray, begin_ns: np.ndarray, length_ns: int) -> np.ndarray:
+def _holds(stamps_ns: IntArray, begin_ns: IntArray, length_ns: int) -> BoolArray:
     """Which windows are without a hole of more than 0.1 s and ten intervals."""
     steps = np.diff(stamps_ns)
     limit = max(0.1 * NANOSECONDS, 10.0 * float(np.median(steps)))

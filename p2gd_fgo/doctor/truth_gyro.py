@@ -48,17 +48,17 @@ def match_truth(trajectory: Trajectory, gyro: GyroIntegral) -> TruthMatch | None
     fitter = RotationFit(gyro, plain, 0.0)
     if not fitter.enough:
         return None
-    alternatives = [
-        Hypothesis("axes", axes.matrix, axes.changes, axes) for axes in all_axes()[1:]
-    ]
+    alternatives = [Hypothesis("axes", axes.matrix, axes.changes, axes) for axes in all_axes()[1:]]
     best = match(fitter, np.eye(3), alternatives)
     if best.hypothesis.kind != "expected" or not best.explains:
         other = _intervals(trajectory, gyro, inverted=True)
         assert other is not None
         turned = RotationFit(gyro, other, 0.0)
         again = match(turned, np.eye(3), ())
-        if again.explains and again.hypothesis.kind == "expected" and (
-            again.fit.explained > best.fit.explained
+        if (
+            again.explains
+            and again.hypothesis.kind == "expected"
+            and (again.fit.explained > best.fit.explained)
         ):
             return _made(again, turned, inverted=True)
     return _made(best, fitter, inverted=False)
@@ -70,9 +70,7 @@ def _made(found: Match, fitter: RotationFit, *, inverted: bool) -> TruthMatch:
     return TruthMatch(found, inverted, intervals.phi, length_s)
 
 
-def _intervals(
-    trajectory: Trajectory, gyro: GyroIntegral, *, inverted: bool
-) -> Intervals | None:
+def _intervals(trajectory: Trajectory, gyro: GyroIntegral, *, inverted: bool) -> Intervals | None:
     t = gyro.seconds(trajectory.stamps_ns)
     if len(t) < 3:
         return None

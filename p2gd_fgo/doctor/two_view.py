@@ -59,13 +59,13 @@ def two_view_motion(first: FloatArray, second: FloatArray, focal_px: float) -> T
         first, second, np.eye(3), method=cv2.RANSAC, prob=_CONFIDENCE,
         threshold=_RANSAC_PX / focal_px, maxIters=_MAX_TRIALS,
     )  # fmt: skip
-    if E is None or E.shape != (3, 3) or mask.sum() < MIN_POINTS:
+    if np.shape(E) != (3, 3) or mask.sum() < MIN_POINTS:  # None or several where degenerate
         return None
     R1, R2, t = cv2.decomposeEssentialMat(E)
-    R = R1 if np.trace(R1) > np.trace(R2) else R2
+    R = np.asarray(R1 if np.trace(R1) > np.trace(R2) else R2, dtype=np.float64)
     inliers = np.asarray(mask[:, 0] == 1)
     scale = _SCALE_PX / focal_px
-    R, direction = refine(first[inliers], second[inliers], R, t[:, 0], scale)
+    R, direction = refine(first[inliers], second[inliers], R, t.astype(np.float64)[:, 0], scale)
     return TwoView(-so3.log(R), direction, inliers)
 
 
@@ -79,7 +79,8 @@ def refine(
     first, second
         (N, 2) points on z = 1.
     R, t
-        (3, 3) takes the first camera's vectors to the second's, (3,) unit vector: x₂ · t × R x₁ = 0.
+        (3, 3) takes the first camera's vectors to the second's, (3,) unit vector;
+        x₂ · t × R x₁ = 0.
     scale
         Residual, on z = 1, at which a point counts half.
     """
@@ -88,7 +89,7 @@ def refine(
         w = 1.0 / (1.0 + (r / scale) ** 2)
         H = (J * w[:, None]).T @ J
         H[np.diag_indices(5)] += 1e-9 * np.trace(H) + _TINY
-        step = -np.linalg.solve(H, (J * w[:, None]).T @ r)
+        step = np.asarray(-np.linalg.solve(H, (J * w[:, None]).T @ r), dtype=np.float64)
         R = so3.exp(step[:3]) @ R
         t = t + tangent(t) @ step[3:]
         t = t / np.linalg.norm(t)

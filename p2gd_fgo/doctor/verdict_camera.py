@@ -51,7 +51,7 @@ def judge_camera(
     return [
         _extrinsic(found, R_cam_imu, tolerances, gyro_vouched),
         _time(found, offset_s, tolerances),
-        _scale(found, gyro_scale, gyro_vouched),
+        _scale(camera, gyro_scale, gyro_vouched),
     ]
 
 
@@ -79,7 +79,7 @@ def _extrinsic(
     data: dict[str, Value] = {"excess": found.excess, "gate": found.gate, "kind": kind}
     if kind == "inverse":
         value = "T_imu_cam is inverted: its inverse explains the gyro, it doesn't"
-        mend = "invert T_imu_cam: it takes points of the camera to the IMU (Kalibr's T_cam_imu is the inverse)"
+        mend = "invert it: T_imu_cam takes the camera's points to the IMU, T_cam_imu the other way"
         return Finding(check, "fault", value, threshold, mend, "extrinsic_inverted", data)
     if kind == "axes" and axes is not None:
         where = axes.describe()
@@ -104,7 +104,11 @@ def _extrinsic(
     delta = so3.log(found.fit.matrix @ R_cam_imu.T)
     known = np.array(found.determined)
     sigma = found.fit.sigma_delta
-    excess = float(np.linalg.norm([beyond(d, s) for d, s, k in zip(delta, sigma, known, strict=True) if k] or [0.0]))
+    excess = float(
+        np.linalg.norm(
+            [beyond(d, s) for d, s, k in zip(delta, sigma, known, strict=True) if k] or [0.0]
+        )
+    )
     angle = float(np.degrees(np.linalg.norm(delta[known])))
     worst = float(np.degrees(sigma[known].max())) if known.any() else 0.0
     blind = [axis for axis, k in zip(_AXES, known, strict=True) if not k]
@@ -118,7 +122,9 @@ def _extrinsic(
         value += f", not determined about the camera's {' and '.join(blind)}"
     if status == "ok":
         return Finding(check, "ok", value, threshold, data=data)
-    axis = ", ".join(f"{np.degrees(d):.1f}" if k else "?" for d, k in zip(delta, known, strict=True))
+    axis = ", ".join(
+        f"{np.degrees(d):.1f}" if k else "?" for d, k in zip(delta, known, strict=True)
+    )
     mend = f"calibrate T_imu_cam anew: turn the camera by ({axis})° about its axes"
     return Finding(check, status, value, threshold, mend, "extrinsic_rotation", data)
 
@@ -150,15 +156,14 @@ def _time(found: Match, offset_s: float, tolerances: Tolerances) -> Finding:
     return Finding(check, status, value, threshold, mend, "time_offset", data)
 
 
-def focal_ratio(found: Match, gyro_scale: float) -> float:
+def focal_ratio(scale: float, gyro_scale: float) -> float:
     """The focal length that the gyro asks for, over the calibration's."""
-    return found.scale / gyro_scale
+    return scale / gyro_scale
 
 
-def _scale(found: Match, gyro_scale: float, gyro_vouched: bool) -> Finding:
-    """Scale of the camera's rotation against the gyro's."""
+def _scale(camera: CameraMatch, gyro_scale: float, gyro_vouched: bool) -> Finding:
     check = "rotation scale"
-    ratio, sigma = focal_ratio(found, gyro_scale), found.fit.sigma_scale
+    ratio, sigma = focal_ratio(camera.scale, gyro_scale), camera.match.fit.sigma_scale
     threshold = f"1 ± {_SCALE[0]:g}, a fault beyond ± {_SCALE[1]:g}"
     value = f"images turn {ratio:.3f} ± {sigma:.3f} times as far as the gyro"
     data: dict[str, Value] = {"ratio": ratio, "sigma": sigma}

@@ -39,9 +39,7 @@ def judge_truth(
             return [Finding("truth rotation", "undetermined", value)]
         value = f"the gyro explains {100 * found.fit.explained:.0f} % of the truth's rotation"
         mend = "check that the truth belongs to this recording, and the order of its quaternion"
-        return [
-            Finding("truth rotation", "fault", value, "≥ 50 %", mend, "truth_rotation")
-        ]
+        return [Finding("truth rotation", "fault", value, "≥ 50 %", mend, "truth_rotation")]
     return [_time(truth, tolerances), _rotation(truth, config, gyro_axes)]
 
 

@@ -16,7 +16,7 @@ ROOT = Path(p2gd_fgo.__file__).parent
 ROOMS = [
     *("errors", "threads", "types", "timing", "config", "geometry", "imu", "datasets"),
     *("atomic_files", "trajectory_files", "simulation", "priors", "frontend", "distribution"),
-    *("initialization", "backends", "troubles", "odometry", "recorder", "pipeline"),
+    *("initialization", "doctor", "backends", "troubles", "odometry", "recorder", "pipeline"),
     *("run_directory", "run_record", "evaluation"),
     *("report", "experiment", "study", "cli", "__main__"),
 ]
