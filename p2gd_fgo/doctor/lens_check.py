@@ -17,8 +17,8 @@ _WARNING, _FAULT = 0.02, 0.10
 """Share of the robust cost that another lens saves. Two parameters more save 0.1 % by chance."""
 
 _SIGMAS = 2.0
-"""Of the mean gain between pairs: it comes from more than one or two of them. In a drive a few turns
-hold nearly all of the evidence, so that more can't be asked; the share does the rest."""
+"""Of the mean gain between pairs: it comes from more than one or two of them. In a drive few
+turns hold nearly all of the evidence, so that more can't be asked; the share does the rest."""
 
 _NAMED = 0.05  # a named lens may be this much worse than the free correction
 _EDGE = 95.0  # percentile of the radii
