@@ -16,9 +16,9 @@ _MIN_PAIRS = 8
 _WARNING, _FAULT = 0.02, 0.10
 """Share of the robust cost that another lens saves. Two parameters more save 0.1 % by chance."""
 
-_SIGMAS = 2.0
-"""Of the mean gain between pairs: it comes from more than one or two of them. In a drive few
-turns hold nearly all of the evidence, so that more can't be asked; the share does the rest."""
+_SIGMAS, _FAULT_SIGMAS = 5.0, 2.0
+"""Of the mean gain between pairs. A small gain must come from nearly all pairs: moving bodies win
+as much for any lens; a large one may come from the few turns that hold a drive's evidence."""
 
 _NAMED = 0.05  # a named lens may be this much worse than the free correction
 _EDGE = 95.0  # percentile of the radii
@@ -56,7 +56,8 @@ def check_tracks(pairs: Sequence[Pair], camera: Camera) -> LensVerdict:
         "saved_share": share, "z": z, "pairs": len(fit.pairs),
         "edge_px": edge_px, "edge_sigma_px": sigma_px,
     }  # fmt: skip
-    if share < _WARNING or z < _SIGMAS:
+    fault = share > _FAULT and z > _FAULT_SIGMAS
+    if not fault and (share < _WARNING or z < _SIGMAS):
         value = (
             f"a free radial correction fits {100 * max(share, 0.0):.1f} % better and moves the "
             f"edge by {edge_px:.1f} ± {sigma_px:.1f} px"
@@ -67,7 +68,7 @@ def check_tracks(pairs: Sequence[Pair], camera: Camera) -> LensVerdict:
         value += f", the edge is {edge_px:.0f} ± {sigma_px:.0f} px off"
     finding = Finding(
         "lens on tracks",
-        "fault" if share > _FAULT else "warning",
+        "fault" if fault else "warning",
         value,
         threshold,
         "correct distortion_model and distortion_coefficients, or calibrate anew",
