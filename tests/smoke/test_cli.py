@@ -110,8 +110,8 @@ class TestRun:
         names = {path.name for path in done.iterdir()}
         assert names == {
             "config.yaml", "estimate.tum", "events.jsonl", "evo_result.zip", "frames.csv",
-            "metrics.json", "smoothed.tum", "status.json", "timing.csv", "tracks.npz", "trajectory.png",
-            "truth.tum",
+            "metrics.json", "smoothed.tum", "status.json", "timing.csv", "tracks.npz",
+            "trajectory.png", "truth.tum",
         }  # fmt: skip
         assert json.loads((done / "status.json").read_text())["state"] == "done"
         metrics = json.loads((done / "metrics.json").read_text())
