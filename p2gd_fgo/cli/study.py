@@ -18,6 +18,8 @@ from p2gd_fgo.threads import set_thread_environment
 if TYPE_CHECKING:
     from p2gd_fgo.run_record import RunRecord
     from p2gd_fgo.study.expansion import Plan
+    from p2gd_fgo.study.running import Options
+    from p2gd_fgo.study.runs import Run
 
 app = typer.Typer(
     help="Many runs that answer one question, from one YAML.", no_args_is_help=True,
@@ -43,6 +45,13 @@ DataOption = Annotated[
     typer.Option(
         metavar="ROOT", show_default=False,
         help="Root of the recordings that the study names; without it they are left out.",
+    ),
+]  # fmt: skip
+FromOption = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--from", metavar="DIR", show_default=False,
+        help="Take over the runs that another study has finished; may be given again.",
     ),
 ]  # fmt: skip
 OlderOption = Annotated[
@@ -74,6 +83,7 @@ def run(
             "configuration; everything; nothing.",
         ),
     ] = "small",
+    sources: FromOption = None,
     keep_older_code: OlderOption = False,
     retry: Annotated[
         bool, typer.Option("--retry", help="Do crashed and timed-out runs again.")
@@ -82,17 +92,17 @@ def run(
     """Do what is left of a study, and print its table; a killed study goes on where it stopped."""
     plan, folder = _plan(study, profile, out, data)
     from p2gd_fgo.cli.study_progress import StudyProgress, cost_line
-    from p2gd_fgo.study.running import Options, run_study, unfinished_runs
-    from p2gd_fgo.study.store import records_in
+    from p2gd_fgo.study.running import Options, run_study
     from p2gd_fgo.study.work import Keep
 
     kept: Keep | None = next((k for k in get_args(Keep) if k == keep_runs), None)
     if kept is None:
         raise ConfigError(f"--keep-runs {keep_runs}: give small, all or none")
-    options = Options(jobs or os.cpu_count() or 1, kept, dask, keep_older_code, retry)
+    options = Options(
+        jobs or os.cpu_count() or 1, kept, dask, keep_older_code, retry, tuple(sources or ())
+    )
     console = Console()
-    todo = unfinished_runs(plan, records_in(folder), options)
-    _announce(console, plan, len(todo), folder)
+    _, todo = _left(console, plan, folder, options)
     if todo:
         console.print(cost_line(todo, options.jobs), highlight=False, soft_wrap=True)
     with StudyProgress(console) as bar:
@@ -108,19 +118,18 @@ def show_plan(
     profile: ProfileOption = FULL,
     out: OutOption = None,
     data: DataOption = None,
+    sources: FromOption = None,
     keep_older_code: OlderOption = False,
 ) -> None:
     """List the runs of a study, with what is done, and what the rest costs."""
     plan, folder = _plan(study, profile, out, data)
     from p2gd_fgo.cli.study_progress import cost_line
-    from p2gd_fgo.study.running import Options, unfinished_runs
-    from p2gd_fgo.study.store import records_in
+    from p2gd_fgo.study.running import Options
 
-    records = records_in(folder)
-    todo = unfinished_runs(plan, records, Options(keep_older_code=keep_older_code))
-    left = {run.key for run in todo}
     console = Console()
-    _announce(console, plan, len(todo), folder)
+    options = Options(keep_older_code=keep_older_code, sources=tuple(sources or ()))
+    records, todo = _left(console, plan, folder, options)
+    left = {run.key for run in todo}
     for planned in plan.runs:
         found = records.get(planned.key)
         state = "to do"
@@ -142,15 +151,13 @@ def status(
 ) -> None:
     """Count the runs of a study by what became of them."""
     plan, folder = _plan(study, profile, out, data)
-    from p2gd_fgo.study.running import Options, unfinished_runs
-    from p2gd_fgo.study.store import of_plan, records_in
+    from p2gd_fgo.study.running import Options
+    from p2gd_fgo.study.store import of_plan
 
-    records = records_in(folder)
-    todo = unfinished_runs(plan, records, Options(keep_older_code=keep_older_code))
     console = Console()
-    _announce(console, plan, len(todo), folder)
+    records, todo = _left(console, plan, folder, Options(keep_older_code=keep_older_code))
     left = {run.key for run in todo}
-    known = of_plan(records, plan.runs)
+    known = of_plan(records, plan.rows)
     table = Table(box=None, pad_edge=False)
     groups = list(dict.fromkeys(run.group for run in plan.runs))
     states = ("done", "failed", "crashed", "timeout", "older code", "to do")
@@ -159,7 +166,7 @@ def status(
     for group in groups:
         found = [record for record in known if record.group == group]
         count = Counter("older code" if r.key in left else r.status for r in found)
-        count["to do"] = sum(run.group == group for run in plan.runs) - len(found)
+        count["to do"] = sum(row.group == group for row in plan.rows) - len(found)
         table.add_row(group, *(str(count[state] or "") for state in states))
     console.print(table)
     others = len(records) - len(known)
@@ -178,7 +185,7 @@ def show_table(
     plan, folder = _plan(study, profile, out, data)
     from p2gd_fgo.study.store import of_plan, records_in
 
-    known = of_plan(records_in(folder), plan.runs)
+    known = of_plan(records_in(folder), plan.rows)
     if not known:
         raise ConfigError(f"{folder}: no run of this plan is finished: 'study run' does them")
     _summary(Console(), plan.spec, known, folder)
@@ -197,6 +204,23 @@ def _plan(study: Path, profile: str, out: Path | None, data: Path | None) -> tup
     return expand(spec, path.parent, data), folder
 
 
+def _left(
+    console: Console, plan: Plan, folder: Path, options: Options
+) -> tuple[dict[str, RunRecord], list[Run]]:
+    """Say what is done; the records that there are or will be taken over, and the runs left."""
+    from p2gd_fgo.study.running import taken_over, unfinished_runs
+    from p2gd_fgo.study.store import records_in
+
+    records = records_in(folder)
+    taken = taken_over(plan, records, folder, options)
+    records |= {record.key: record for record in taken}
+    todo = unfinished_runs(plan, records, options)
+    _announce(console, plan, len(todo), folder)
+    if options.sources:
+        console.print(f"{len(taken)} of the finished are taken over from other studies")
+    return records, todo
+
+
 def _announce(console: Console, plan: Plan, todo: int, folder: Path) -> None:
     console.print(f"{plan.spec.name}: {plan.spec.question}", soft_wrap=True, markup=False)
     console.print(
@@ -204,7 +228,17 @@ def _announce(console: Console, plan: Plan, todo: int, folder: Path) -> None:
         f"{folder}", soft_wrap=True, markup=False, highlight=False,
     )  # fmt: skip
     if plan.left_out:
-        console.print(f"left out, for want of --data: {', '.join(plan.left_out)}", soft_wrap=True)
+        console.print(f"left out, for want of --data: {', '.join(plan.left_out)}", soft_wrap=True,
+                      markup=False)  # fmt: skip
+    for name in plan.spec.external:
+        there = sum(external.name == name for external in plan.externals)
+        if there:
+            console.print(f"{name}: {there} trajectories made elsewhere", markup=False)
+    if plan.absent:
+        console.print(
+            f"no such trajectories: {', '.join(map(str, plan.absent))}", soft_wrap=True,
+            markup=False, highlight=False,
+        )  # fmt: skip
 
 
 def _summary(console: Console, spec: StudySpec, records: list[RunRecord], folder: Path) -> None:

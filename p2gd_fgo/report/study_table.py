@@ -18,6 +18,7 @@ from p2gd_fgo.evaluation.claims import claim, span
 from p2gd_fgo.evaluation.measures import Measure, counts, measure
 from p2gd_fgo.evaluation.record_pairs import Contrast, compare_records, select
 from p2gd_fgo.report.layout import NONE, fixed
+from p2gd_fgo.report.pairing import across_seeds
 from p2gd_fgo.run_record import Label, RunRecord
 
 TABLE_MEASURES = ("ate", "ate_origin", "are", "rte_10")
@@ -31,7 +32,10 @@ _DECIMALS = {"m": 3, "°": 3, "%": 2}
 
 @dataclass(frozen=True, slots=True)
 class _Block:
-    """Runs of one group that differ in the compared axis, route and seed alone."""
+    """Runs of one group that differ in the compared axis, route and seed alone.
+
+    Trajectories made elsewhere have no label on the other axes: they are in every block.
+    """
 
     group: str
     rest: dict[str, Label]
@@ -63,7 +67,7 @@ def study_table(
     for block in _blocks(records, axis):
         labels = _labels(block.records, axis, baseline)
         contrasts = {
-            (label, m.name): _contrast(block.records, axis, baseline, label, m)
+            (label, m.name): _contrast(block, axis, baseline, label, m)
             for label in labels[1:]
             for m in measures
         }
@@ -90,11 +94,14 @@ def _blocks(records: Sequence[RunRecord], axis: str) -> Iterator[_Block]:
     others = sorted({name for r in records for name in r.axes} - {axis, "seed"})
     for group in dict.fromkeys(record.group for record in records):
         held = [record for record in records if record.group == group]
-        seen = [list(dict.fromkeys(r.axes[name] for r in held)) for name in others]
+        seen = [
+            list(dict.fromkeys(r.axes[name] for r in held if name in r.axes)) for name in others
+        ]
         for labels in itertools.product(*seen):
             rest = dict(zip(others, labels, strict=True))
-            chosen = select(held, rest)
-            if chosen:
+            if select(held, rest):
+                fits = {name: {None, label} for name, label in rest.items()}
+                chosen = [r for r in held if all(r.axes.get(n) in fits[n] for n in others)]
                 yield _Block(group, rest, chosen)
 
 
@@ -104,10 +111,13 @@ def _labels(records: Sequence[RunRecord], axis: str, baseline: Label) -> list[La
 
 
 def _contrast(
-    records: Sequence[RunRecord], axis: str, baseline: Label, label: Label, chosen: Measure
+    block: _Block, axis: str, baseline: Label, label: Label, chosen: Measure
 ) -> Contrast | None:
+    """The label against the baseline; a trajectory made elsewhere against all of its seeds."""
+    a, b = {axis: baseline, **block.rest}, {axis: label}
+    across = across_seeds(block.records, a, b)
     try:
-        return compare_records(records, {axis: baseline}, {axis: label}, chosen)
+        return compare_records(block.records, a, b, chosen, across=across)
     except ConfigError:  # no run of one of the two yet
         return None
 

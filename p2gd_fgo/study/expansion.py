@@ -15,6 +15,7 @@ from p2gd_fgo.run_record import Label
 from p2gd_fgo.simulation.presets import find_preset, load_scenario
 from p2gd_fgo.simulation.production import with_route_hash
 from p2gd_fgo.simulation.scenario import Scenario
+from p2gd_fgo.study.external import External, find_externals
 from p2gd_fgo.study.keys import data_hash, run_key
 from p2gd_fgo.study.runs import Recorded, Rendered, Run
 from p2gd_fgo.study.spec import AxisValue, Rule, SequenceSpec, StudySpec
@@ -46,12 +47,23 @@ class Plan:
     runs
         In the order in which they are started.
     left_out
-        Recordings that a study names and nobody has given, by path.
+        Recordings and trajectories that a study names and nobody has given, by path.
+    externals
+        Trajectories of other programs that are there.
+    absent
+        Those that aren't, of programs that have one for another recording.
     """
 
     spec: StudySpec
     runs: tuple[Run, ...]
     left_out: tuple[str, ...]
+    externals: tuple[External, ...] = ()
+    absent: tuple[Path, ...] = ()
+
+    @property
+    def rows(self) -> tuple[Run | External, ...]:
+        """Whatever has a line in the results."""
+        return (*self.runs, *self.externals)
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +108,8 @@ def expand(spec: StudySpec, folder: Path, data: Path | None = None) -> Plan:
     Raises
     ------
     ConfigError, DataError
-        A setting, rule or recording that can't be used, or two runs that are the same.
+        A setting, rule or recording that can't be used, two runs that are the same, or another
+        program without any trajectory.
     """
     base = _base(spec, folder)
     routes, left_out = _routes(spec, folder, data)
@@ -130,7 +143,9 @@ def expand(spec: StudySpec, folder: Path, data: Path | None = None) -> Plan:
     if not runs:
         hint = f" (--data is not given, which {', '.join(left_out)} need)" if left_out else ""
         raise ConfigError(f"{spec.name}: the rules leave no run{hint}")
-    return Plan(spec, tuple(runs.values()), tuple(left_out))
+    planned = tuple(runs.values())
+    found = find_externals(spec, planned, folder, data)
+    return Plan(spec, planned, (*left_out, *found.left_out), found.there, found.absent)
 
 
 def _axes(spec: StudySpec) -> dict[str, tuple[AxisValue, ...]]:

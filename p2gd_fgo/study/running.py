@@ -8,10 +8,12 @@ from pathlib import Path
 
 from p2gd_fgo.run_record import RunRecord
 from p2gd_fgo.study.expansion import Plan
+from p2gd_fgo.study.external import judge
 from p2gd_fgo.study.keys import code_hash
 from p2gd_fgo.study.pool import LocalPool
 from p2gd_fgo.study.progress import NoStudyObserver, StudyObserver
 from p2gd_fgo.study.remote import DaskPool
+from p2gd_fgo.study.reuse import reusable_records
 from p2gd_fgo.study.runs import Run
 from p2gd_fgo.study.store import Store, is_finished, of_plan
 from p2gd_fgo.study.work import Keep
@@ -33,6 +35,8 @@ class Options:
         Runs that other code has finished count as finished.
     retry
         Crashed and timed-out runs are done again.
+    sources
+        Folders of other studies' results, whose finished runs are taken over.
     """
 
     jobs: int = 1
@@ -40,6 +44,11 @@ class Options:
     dask: str | None = None
     keep_older_code: bool = False
     retry: bool = False
+    sources: tuple[Path, ...] = ()
+
+    def stands(self, record: RunRecord | None, code: str) -> bool:
+        """Whether a record stands for its row; see :func:`is_finished`."""
+        return is_finished(record, code, keep_older_code=self.keep_older_code, retry=self.retry)
 
 
 def unfinished_runs(
@@ -47,22 +56,27 @@ def unfinished_runs(
 ) -> list[Run]:
     """The runs without a record that stands for them."""
     chosen, code = options or Options(), code_hash()
-    return [
-        run
-        for run in plan.runs
-        if not is_finished(
-            records.get(run.key),
-            code,
-            keep_older_code=chosen.keep_older_code,
-            retry=chosen.retry,
-        )
-    ]
+    return [run for run in plan.runs if not chosen.stands(records.get(run.key), code)]
+
+
+def taken_over(
+    plan: Plan, records: dict[str, RunRecord], out: Path, options: Options
+) -> list[RunRecord]:
+    """Records of unfinished runs that the studies in ``options.sources`` have.
+
+    Raises
+    ------
+    ConfigError, DataError
+        As :func:`reusable_records`.
+    """
+    todo = unfinished_runs(plan, records, options)
+    return reusable_records(todo, options.sources, out, keep_older_code=options.keep_older_code)
 
 
 def run_study(
     plan: Plan, out: Path, options: Options | None = None, observer: StudyObserver | None = None
 ) -> list[RunRecord]:
-    """Do the runs of a plan that aren't finished, and return the records of all.
+    """Do the runs of a plan that aren't finished, and return the records of all its rows.
 
     Each record is on disk before the next one is taken; a study that was killed at any moment goes
     on where it stopped.
@@ -80,11 +94,16 @@ def run_study(
     """
     options, observer = options or Options(), observer or NoStudyObserver()
     with Store(out) as store:
+        for record in taken_over(plan, store.records, out, options):
+            store.append(record)
         todo = unfinished_runs(plan, store.records, options)
         observer.begin(todo, len(plan.runs) - len(todo))
         if todo:
             _work_off(todo, store, options, observer)
-        return of_plan(store.records, plan.runs)
+        for external in plan.externals:
+            if not options.stands(store.records.get(external.key), code_hash()):
+                store.append(judge(external))
+        return of_plan(store.records, plan.rows)
 
 
 def _work_off(todo: Sequence[Run], store: Store, options: Options, observer: StudyObserver) -> None:

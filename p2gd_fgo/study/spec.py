@@ -132,6 +132,11 @@ class StudySpec(Model):
     include: tuple[Rule, ...] = Field((), description="keep only runs that one of these fits")
     exclude: tuple[Rule, ...] = Field((), description="leave out runs that one of these fits")
     pairing: PairingSpec | None = None
+    external: dict[str, str] = Field(
+        {},
+        description="trajectories of other programs, name: path/{sequence}.tum, under --data or in "
+        "the study's folder; their name is a label on the pairing axis",
+    )
     timeout_s: Positive = Field(1800.0, description="of one run, its rendering aside")
     segments: bool = Field(
         False, description="put the errors of each 10 m of the way into the records: 0.5 kB each"
@@ -144,7 +149,7 @@ class StudySpec(Model):
         return self
 
     def check_axes(self) -> None:
-        """Refuse axes with a label twice, and a pairing that isn't on them.
+        """Refuse axes with a label twice, a pairing that isn't on them, and externals without one.
 
         Raises
         ------
@@ -167,6 +172,15 @@ class StudySpec(Model):
                     f"pairing.baseline '{self.pairing.baseline}' is not on the axis "
                     f"'{self.pairing.axis}': there are {', '.join(labels)}"
                 )
+            for name in set(self.external) & set(labels):
+                raise ValueError(
+                    f"external '{name}' is a label of the axis '{self.pairing.axis}', too: give it "
+                    "another name"
+                )
+        elif self.external:
+            raise ValueError(
+                "external needs 'pairing', which says beside what these trajectories stand"
+            )
 
     def profile(self, name: str) -> StudySpec:
         """The study in another size.

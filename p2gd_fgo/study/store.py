@@ -14,6 +14,7 @@ from types import TracebackType
 
 from p2gd_fgo.errors import ConfigError, DataError
 from p2gd_fgo.run_record import RESULTS, RunRecord, read_records
+from p2gd_fgo.study.external import External
 from p2gd_fgo.study.runs import Run
 from p2gd_fgo.study.work import CRASH
 
@@ -93,17 +94,33 @@ class Store:
         try:
             if self._place(run, record):
                 record = replace(record, directory=f"{RUNS}/{run.key}")
+        except OSError as error:
+            raise self._unwritable(error) from None
+        self.append(record)
+        return record
+
+    def append(self, record: RunRecord) -> None:
+        """Append a line as it is.
+
+        Raises
+        ------
+        DataError
+            As :meth:`add`.
+        """
+        try:
             with self.path.open("a", encoding="utf-8", newline="\n") as file:
                 file.write(f"{record.to_json()}\n")
                 file.flush()
                 os.fsync(file.fileno())
         except OSError as error:
-            raise DataError(
-                f"{self.out}: the results can't be written ({error.strerror}): free some space and "
-                "start the study again, which goes on from here"
-            ) from None
-        self.records[run.key] = record
-        return record
+            raise self._unwritable(error) from None
+        self.records[record.key] = record
+
+    def _unwritable(self, error: OSError) -> DataError:
+        return DataError(
+            f"{self.out}: the results can't be written ({error.strerror}): free some space and "
+            "start the study again, which goes on from here"
+        )
 
     def _place(self, run: Run, record: RunRecord) -> bool:
         """Move what a run left to its place; False where it left nothing that is whole."""
@@ -169,6 +186,6 @@ def is_finished(
     return keep_older_code or record.code == code
 
 
-def of_plan(records: dict[str, RunRecord], runs: Iterable[Run]) -> list[RunRecord]:
-    """The records of these runs, in their order."""
-    return [records[run.key] for run in runs if run.key in records]
+def of_plan(records: dict[str, RunRecord], rows: Iterable[Run | External]) -> list[RunRecord]:
+    """The records of these rows, in their order."""
+    return [records[row.key] for row in rows if row.key in records]

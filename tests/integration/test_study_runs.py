@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -150,6 +151,39 @@ def test_a_killed_study_goes_on_where_it_stopped(
     run_study(plan, tmp_path, Options(jobs=2), watcher)
     assert set(watcher.done) == {run.key for run in plan.runs} - before
     assert len(lines(tmp_path)) == 4 and same(tmp_path, whole)
+
+
+def test_finished_runs_are_taken_over_from_another_study(
+    plan: Plan, study: Path, whole: Path, tmp_path: Path
+) -> None:
+    spec = load_study(study).model_copy(update={"name": "again"})
+    again, out = expand(spec, study.parent), tmp_path / "again"
+    watcher = Watcher()
+    records = run_study(again, out, Options(sources=(whole,)), watcher)
+    assert watcher.done == [] and len(lines(out)) == 4
+    assert {record.study for record in records} == {"again"}
+    assert [replace(r, study="tiny", directory=None) for r in records] == [
+        replace(r, directory=None) for r in read_records(whole / RESULTS)
+    ]
+    assert all((out / str(r.directory) / "estimate.tum").is_file() for r in records)
+    run_study(again, out, Options(sources=(whole,)), watcher)
+    assert watcher.done == [] and len(lines(out)) == 4
+
+
+def test_a_trajectory_made_elsewhere_is_judged_once_beside_the_runs(
+    study: Path, whole: Path, tmp_path: Path, cache: Path
+) -> None:
+    first = read_records(whole / RESULTS)[0]
+    template = f"{whole}/{first.directory}/estimate.tum"
+    spec = load_study(study).model_copy(update={"external": {"Peer": template}})
+    plan = expand(spec, study.parent)
+    for _ in range(2):
+        *_, peer = run_study(plan, tmp_path, Options(sources=(whole,)))
+        assert len(lines(tmp_path)) == 5
+    assert peer.axes == {"distribution": "Peer"} and peer.status == "done"
+    ours = first.metrics["ate_m"]["yaw_pos"]["rmse"]
+    assert peer.metrics["ate_m"]["yaw_pos"]["rmse"] == pytest.approx(ours, rel=1e-6)
+    assert peer.metrics["completeness"] == first.metrics["completeness"]
 
 
 def test_a_crash_takes_one_run_with_it(plan: Plan, whole: Path, tmp_path: Path) -> None:

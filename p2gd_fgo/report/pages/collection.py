@@ -161,24 +161,36 @@ def choose_baseline(collection: Collection, wanted: str | None) -> Baseline | No
 
 
 def counterpart(collection: Collection, method: Method, baseline: Baseline) -> Method | None:
-    """The baseline's method that a method is compared with; None for the baseline's own.
+    """The first of :func:`counterparts`; None for the baseline's own."""
+    return next(iter(counterparts(collection, method, baseline)), None)
+
+
+def counterparts(collection: Collection, method: Method, baseline: Baseline) -> tuple[Method, ...]:
+    """The baseline's methods that a method is compared with; none for the baseline's own.
 
     The one with the same labels on the most other axes, and the same back end in any case:
-    options of P2GD have no counterpart of their own.
+    options of P2GD have no counterpart of their own. A method that names no back end, such as a
+    trajectory made elsewhere, is compared with one of each.
     """
     axis = collection.axes.index(baseline.axis)
     if method[axis] == baseline.label:
-        return None
-    candidates = [m for m in collection.methods if m[axis] == baseline.label]
-    if "backend" in collection.axes and baseline.axis != "backend":
-        backend = collection.axes.index("backend")
-        candidates = [m for m in candidates if m[backend] == method[backend]]
-    alike = [sum(a == b for a, b in zip(m, method, strict=True)) for m in candidates]
-    return candidates[alike.index(max(alike))] if candidates else None
+        return ()
+    by_backend: dict[Label, list[Method]] = {}
+    backend = collection.axes.index("backend") if "backend" in collection.axes else axis
+    for each in collection.methods:
+        if each[axis] == baseline.label and (
+            backend == axis or method[backend] in ("", each[backend])
+        ):
+            by_backend.setdefault(each[backend], []).append(each)
+
+    def alike(other: Method) -> int:
+        return sum(a == b for a, b in zip(other, method, strict=True))
+
+    return tuple(max(candidates, key=alike) for candidates in by_backend.values())
 
 
 def _method_axes(records: Sequence[RunRecord]) -> tuple[str, ...]:
-    names = dict.fromkeys(name for record in records for name in record.axes)
+    names = dict.fromkeys(name for record in records for name in record.axes if name != "seed")
     seen: dict[tuple[str, str, int, str], set[Label | None]] = {}
     for record in records:
         for name in names:

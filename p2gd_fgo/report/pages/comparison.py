@@ -12,7 +12,7 @@ from p2gd_fgo.evaluation.measures import Measure, counts, measure
 from p2gd_fgo.evaluation.paired import ASKED_CHANGE, ASKED_POWER, Comparison
 from p2gd_fgo.evaluation.record_pairs import compare_records, pair_records
 from p2gd_fgo.report.layout import NONE
-from p2gd_fgo.report.pages.collection import Baseline, Collection, Method, counterpart
+from p2gd_fgo.report.pages.collection import Baseline, Collection, Method, counterparts
 from p2gd_fgo.report.pages.measures import rte_lengths
 from p2gd_fgo.report.pages.table_model import (
     Cell,
@@ -24,6 +24,7 @@ from p2gd_fgo.report.pages.table_model import (
     number,
     words,
 )
+from p2gd_fgo.report.pairing import across_seeds
 from p2gd_fgo.run_record import RunRecord
 
 _EXPLAINING = ("mean_length", "total_parallax", "features", "frame_ms")
@@ -52,20 +53,25 @@ def compare_group(
         f"ate_{alignment}", f"are_{alignment}", *(f"rte_{n:g}" for n in lengths), *_EXPLAINING
     )  # fmt: skip
     methods = collection.methods_of(group)
+    sides_of = [(base, m) for m in methods for base in counterparts(collection, m, baseline)]
     out = []
-    for method in methods:
-        base = counterpart(collection, method, baseline)
-        if base is None or base not in methods:
+    for base, method in sides_of:
+        if base not in methods:
             continue
         sides = collection.choice(base), collection.choice(method)
-        pairs = pair_records(records, *sides)
+        across = across_seeds(records, *sides)
+        pairs = pair_records(records, *sides, across=across)
         for key in keys if pairs.pairs else ():
             chosen = measure(key)
             fitting = _fitting(records, chosen)
             routes = {record.route for record in fitting}
-            paired = [r for pair in pairs.pairs for r in pair if r.route in routes]
-            if any(math.isfinite(chosen.of(record)) for record in paired):
-                found = compare_records(fitting, *sides, chosen)
+            found_in = [
+                any(math.isfinite(chosen.of(r)) for r in side if r.route in routes)
+                for side in zip(*pairs.pairs, strict=True)
+            ]
+            # A trajectory made elsewhere has no tracks and no times, which is no failure.
+            if all(found_in) or (any(found_in) and key not in _EXPLAINING):
+                found = compare_records(fitting, *sides, chosen, across=across)
                 alone = found.alone_a + found.alone_b
                 out.append(Compared(base, method, chosen, found.overall, alone))
     return out

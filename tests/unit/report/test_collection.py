@@ -13,6 +13,7 @@ from p2gd_fgo.report.pages.collection import (
     Collection,
     choose_baseline,
     counterpart,
+    counterparts,
 )
 from p2gd_fgo.report.pages.sources import Entry
 from p2gd_fgo.run_record import Label, RunRecord
@@ -95,3 +96,13 @@ def test_without_the_grid_the_first_label_is_compared_with() -> None:
     only = {"effects": {"p2gd": 1.0}, "routes": 1, "seeds": 1}
     assert choose_baseline(collection(records(**only)), None) == Baseline("backend", "smoother")  # type: ignore[arg-type]
     assert choose_baseline(collection(records(backends=["msckf"], **only)), None) is None  # type: ignore[arg-type]
+
+
+def test_a_trajectory_made_elsewhere_is_compared_with_the_baseline_of_every_back_end() -> None:
+    peer = replace(with_axes(9, distribution="Peer"), seed=0, axes={"distribution": "Peer"})
+    found = collection([*records(routes=1, seeds=2, groups=["car"]), replace(peer, group="car")])
+    method = found.method(peer)
+    assert found.axes == ("backend", "distribution") and found.name(method) == "Peer"
+    bases = counterparts(found, method, Baseline("distribution", "grid"))
+    assert [found.name(base) for base in bases] == ["smoother · grid", "msckf · grid"]
+    assert found.methods[-1] == method

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import io
+import re
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pytest
+from rich.console import Console
 from run_records import metrics, records
 
 from p2gd_fgo.report.pages.collection import Baseline, Collection
 from p2gd_fgo.report.pages.comparison import claims, compare_group, comparison_table
 from p2gd_fgo.report.pages.episode_tables import compare_pieces, episode_table, largest_table
 from p2gd_fgo.report.pages.sources import Entry
+from p2gd_fgo.report.study_table import study_table
 from p2gd_fgo.run_record import RunRecord
 
 GRID = Baseline("distribution", "grid")
@@ -140,3 +145,47 @@ def test_runs_without_pieces_have_no_table() -> None:
 
 def test_metrics_helper_is_whole() -> None:
     assert metrics(1.0, 1.0, 1.0)["completeness"] == 1.0
+
+
+def as_studied(runs: list[RunRecord]) -> list[RunRecord]:
+    """With the axes of a study, of which the recordings are none."""
+    return [
+        replace(r, axes={name: v for name, v in r.axes.items() if name != "sequence"}) for r in runs
+    ]
+
+
+def peers(runs: list[RunRecord], factor: float) -> list[RunRecord]:
+    """One trajectory a route without seed and back end, of an ATE in proportion to one run's."""
+    out = []
+    for run in runs:
+        if run.seed == 0 and run.axes["distribution"] == "grid":
+            ate = factor * run.metrics["ate_m"]["yaw_pos"]["rmse"]
+            axes = {"distribution": "Peer"}
+            out.append(
+                replace(run, key=f"peer/{run.route}", axes=axes, metrics=metrics(ate, 1.0, 1.0),
+                        tracking={}, cpu_ms={})
+            )  # fmt: skip
+    return out
+
+
+def test_a_trajectory_made_elsewhere_is_paired_with_every_seed() -> None:
+    runs = as_studied(made(seeds=3, noise=0.02))
+    found = collection([*runs, *peers(runs, 2.0)])
+    compared = [c for c in compare_group(found, "car", GRID, "yaw_pos") if "Peer" in c.method]
+    assert {c.measure.name.partition("_")[0] for c in compared} == {"ate", "are", "rte"}
+    ate = compared[0].found
+    assert (ate.pairs, ate.routes, compared[0].alone) == (36, 12, 0)
+    assert ate.effects["mean"].change == pytest.approx(1.0, abs=0.1)
+    assert ate.effects["mean"].low > 0.9
+
+
+def test_the_table_of_a_study_has_it_in_every_block() -> None:
+    runs = as_studied(records(groups=["car"], routes=3, seeds=2, noise=0.02))
+    added = peers([r for r in runs if r.axes["backend"] == "smoother"], 2.0)
+    console = Console(width=120, record=True, file=io.StringIO())
+    console.print(study_table([*runs, *added], "distribution", "grid", 120))
+    text = console.export_text()
+    for backend in ("smoother", "msckf"):
+        block = text.partition(f"car · backend {backend}\n")[2].partition("\n\n")[0]
+        assert re.search(r"Peer +3/3 .*\n +\+\d", block), block
+        assert f"car · backend {backend}, Peer: ATE +" in text

@@ -106,4 +106,9 @@ def test_the_studies_of_the_project_can_be_planned(path: Path) -> None:
     spec = load_study(path)
     assert spec.name == path.parent.name
     for name in ("full", *spec.profiles):
-        assert expand(spec.profile(name), path.parent).runs
+        profile = spec.profile(name)
+        if all(entry.path is not None for entry in profile.sequences):
+            with pytest.raises(ConfigError, match="--data is not given"):
+                expand(profile, path.parent)
+        else:
+            assert expand(profile, path.parent).runs
