@@ -161,8 +161,9 @@ def choose_baseline(collection: Collection, wanted: str | None) -> Baseline | No
 
 
 def counterpart(collection: Collection, method: Method, baseline: Baseline) -> Method | None:
-    """The first of :func:`counterparts`; None for the baseline's own."""
-    return next(iter(counterparts(collection, method, baseline)), None)
+    """The one of :func:`counterparts`; None where there is none, or more than one."""
+    found = counterparts(collection, method, baseline)
+    return found[0] if len(found) == 1 else None
 
 
 def counterparts(collection: Collection, method: Method, baseline: Baseline) -> tuple[Method, ...]:

@@ -106,3 +106,4 @@ def test_a_trajectory_made_elsewhere_is_compared_with_the_baseline_of_every_back
     bases = counterparts(found, method, Baseline("distribution", "grid"))
     assert [found.name(base) for base in bases] == ["smoother · grid", "msckf · grid"]
     assert found.methods[-1] == method
+    assert counterpart(found, method, Baseline("distribution", "grid")) is None
