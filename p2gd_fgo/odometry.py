@@ -12,18 +12,8 @@ from p2gd_fgo.backends.factory import imu_noise, make_backend
 from p2gd_fgo.config import Config, resolve
 from p2gd_fgo.datasets.base import Calibration
 from p2gd_fgo.distribution import Decision, DistributionContext, Sensors, make_distribution
-from p2gd_fgo.errors import DataError
 from p2gd_fgo.frontend import Frontend, TrackSummary
-from p2gd_fgo.imu import (
-    ImuBuffer,
-    UnknownMotion,
-    across_holes,
-    between,
-    earth_rate,
-    has_hole,
-    rotation_over,
-    without_earth_rotation,
-)
+from p2gd_fgo.imu_intake import ImuIntake
 from p2gd_fgo.initialization import imu_history_s, imu_is_quiet, make_initializer, stillness
 from p2gd_fgo.priors import PriorIntake, PriorSource, make_prior_source
 from p2gd_fgo.timing import StageTimer
@@ -108,16 +98,8 @@ class Odometry:
         self._priors = PriorIntake(source, p2gd.horizon, config.priors)
         self._backend: Backend = make_backend(config, calibration, self.timer)
         self._initializer = make_initializer(config, calibration, noise, truth)
-        self._imu = ImuBuffer()
-        latitude_deg = config.imu.latitude_deg
-        self._earth_rate = (
-            None if latitude_deg is None else earth_rate(latitude_deg, config.imu.heading_deg)
-        )
-        self._history_ns = round(
-            (max(config.stationary.window_s, imu_history_s(config)) + 0.5) * NANOSECONDS
-        )
-        self._last_ns: int | None = None
-        self._tracked_ns: int | None = None
+        history_s = max(config.stationary.window_s, imu_history_s(config)) + 0.5
+        self._imu = ImuIntake(config.imu, history_s)
         self._watch = TroubleWatch()
         self.troubles: list[Trouble] = []
         self._last_handed: PriorPoses | None = None
@@ -168,33 +150,21 @@ class Odometry:
             The back end diverged.
         """
         stamp_ns += self.offset_ns
+        state = None if self._estimate is None else self._estimate.state
         with self.timer.stage("frame"):
-            imu = self._imu_to(stamp_ns)
-            unknown = None
-            if imu is not None:
-                imu, unknown = self._bridged(imu)
-            if imu is not None and self._estimate is not None and self._earth_rate is not None:
-                gravity = self.config.imu.gravity
-                imu = without_earth_rotation(imu, self._estimate.state, gravity, self._earth_rate)
+            imu, unknown = self._imu.interval(stamp_ns, state)
             with self.timer.stage("track"):
                 health = self._frontend.look(image)
             # Before the start nothing is lost by tracking an image that shows nothing new.
-            used = health.usable or self._estimate is None
+            used = health.usable or state is None
             if used and self._before_tracking:
                 self.decision = self._decide(None, self._last_handed)
             with self.timer.stage("track"):
-                if used:
-                    turn = self._camera_turn(imu, stamp_ns)
-                    self.tracked = self._frontend.track(stamp_ns, image, turn, mask)
-                    self._tracked_ns = stamp_ns
-                else:
-                    self._frontend.skip(stamp_ns)
-                    self.tracked = TrackSummary()
+                turn = self._imu.turn_since_tracked(stamp_ns, imu, state)
+                self.tracked = self._track(stamp_ns, image, turn, mask, used=used)
                 still = self._is_still(stamp_ns, used)
             with self.timer.stage("propagate"):
-                predicted = (
-                    self._backend.propagate(imu, unknown) if self._estimate and imu else None
-                )
+                predicted = self._backend.propagate(imu, unknown) if state and imu else None
             if used and not self._before_tracking:
                 self.decision = self._decide(predicted, priors)
             with self.timer.stage("extract"):
@@ -202,9 +172,9 @@ class Odometry:
                 self.extracted = self._frontend.extract(self.decision.selection) if used else 0
                 observations = self._frontend.observations()
             self.troubles = self._watch.look(stamp_ns, health, self.tracked, unknown, used=used)
-            self._last_ns, self._last_handed = stamp_ns, priors
-            self._imu.drop_before(stamp_ns - self._history_ns)
-            if self._estimate is None:
+            self._last_handed = priors
+            self._imu.passed(stamp_ns)
+            if state is None:
                 return self._try_to_start(observations)
             return self._update(observations, still)
 
@@ -260,51 +230,24 @@ class Odometry:
         self._estimate = estimate
         return estimate
 
-    def _imu_to(self, stamp_ns: int) -> ImuBatch | None:
-        """Samples from the last image to this one; None at the first image."""
-        held = self._imu.samples()
-        if len(held) == 0 or not held.stamps_ns[0] <= stamp_ns <= held.stamps_ns[-1]:
-            raise DataError(
-                f"the image at {stamp_ns} ns lies outside the IMU samples handed in: hand in the "
-                "samples up to an image, and one beyond, before the image"
-            )
-        if self._last_ns is None:
-            return None
-        if stamp_ns <= self._last_ns:
-            raise DataError(
-                f"the image at {stamp_ns} ns is not later than the one before, at {self._last_ns}"
-            )
-        return between(held, self._last_ns, stamp_ns)
-
-    def _bridged(self, imu: ImuBatch) -> tuple[ImuBatch, UnknownMotion | None]:
-        """With what the IMU missed between the last image and this one."""
-        config = self.config.imu
-        return across_holes(
-            self._imu.samples(),
-            imu,
-            config.max_gap_s,
-            float(np.radians(config.gap_sigma_rate_deg)),
-            config.gap_sigma_accel,
-        )
-
-    def _camera_turn(self, imu: ImuBatch | None, stamp_ns: int) -> FloatArray | None:
-        """R (3, 3) that takes vectors of the last tracked camera frame to the current one.
-
-        None before the start: a gyro bias of some 0.1 rad/s, not yet known, points the tracker
-        further away than no prediction at all. None too where the gyro missed a part of the turn.
-        """
-        if imu is None or self._estimate is None or self._tracked_ns is None:
-            return None
-        if self._tracked_ns != self._last_ns:  # images were skipped in between
-            held = self._imu.samples()
-            if int(held.stamps_ns[0]) > self._tracked_ns:
-                return None
-            imu = between(held, self._tracked_ns, stamp_ns)
-        if has_hole(self._imu.samples(), imu, self.config.imu.max_gap_s):
-            return None
-        R_imu_cam = self._calibration.T_imu_cam[:3, :3]
-        turn = rotation_over(imu, self._estimate.state.gyro_bias)
-        return np.asarray(R_imu_cam.T @ turn.T @ R_imu_cam)
+    def _track(
+        self,
+        stamp_ns: int,
+        image: Image,
+        turn: FloatArray | None,
+        mask: Image | None,
+        *,
+        used: bool,
+    ) -> TrackSummary:
+        """Follow the features into an image; ``turn`` (3, 3) is that of the IMU, if known."""
+        if not used:
+            self._frontend.skip(stamp_ns)
+            return TrackSummary()
+        if turn is not None:
+            R_imu_cam = self._calibration.T_imu_cam[:3, :3]
+            turn = np.asarray(R_imu_cam.T @ turn.T @ R_imu_cam)
+        self._imu.tracked(stamp_ns)
+        return self._frontend.track(stamp_ns, image, turn, mask)
 
     def _is_still(self, stamp_ns: int, used: bool) -> bool:
         config = self.config.stationary

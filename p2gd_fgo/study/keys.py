@@ -17,8 +17,18 @@ from p2gd_fgo.simulation.recorder import WORLD_VERSION
 from p2gd_fgo.study.runs import Recorded, Rendered
 
 ESTIMATE_ROOMS = (
-    *("types", "config", "geometry", "imu", "datasets", "trajectory_files", "priors", "frontend"),
-    *("distribution", "initialization", "backends", "odometry", "recorder", "pipeline"),
+    *(
+        "types",
+        "config",
+        "geometry",
+        "imu",
+        "imu_intake",
+        "datasets",
+        "trajectory_files",
+        "priors",
+        "frontend",
+    ),
+    *("distribution", "initialization", "backends", "troubles", "odometry", "recorder", "pipeline"),
     *("evaluation", "experiment"),
 )
 """Whose code can change a record; rendered images have a version of their own."""

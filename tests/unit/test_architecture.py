@@ -14,7 +14,17 @@ import p2gd_fgo
 
 ROOT = Path(p2gd_fgo.__file__).parent
 ROOMS = [
-    *("errors", "threads", "types", "timing", "config", "geometry", "imu", "datasets"),
+    *(
+        "errors",
+        "threads",
+        "types",
+        "timing",
+        "config",
+        "geometry",
+        "imu",
+        "imu_intake",
+        "datasets",
+    ),
     *("atomic_files", "trajectory_files", "simulation", "priors", "frontend", "distribution"),
     *("initialization", "doctor", "backends", "troubles", "odometry", "recorder", "pipeline"),
     *("run_directory", "run_record", "evaluation"),
