@@ -37,9 +37,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=1)
     options = parser.parse_args()
     write = sys.stdout.write
-    write(
-        "| back end | seed | stands s | moved m | moved from 1 s on m | distance off at its begin m | "
-    )
+    write("| back end | seed | stands s | moved m | moved from 1 s on m | off at its begin m | ")
     write("at its end m |\n|---|---|---|---|---|---|---|\n")
     for backend in options.backend:
         for seed in range(options.seeds):
