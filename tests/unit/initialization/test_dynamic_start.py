@@ -124,7 +124,8 @@ def test_it_starts_in_motion_and_reports_time_and_images() -> None:
     recording = drive(4, duration_s=12.0)
     noise = recording.calibration.imu_noise
     assert noise is not None
-    initializer = DynamicStart(DynamicStartConfig(), recording.calibration, noise, GRAVITY, 1.0)
+    config = DynamicStartConfig(every_s=1.5)
+    initializer = DynamicStart(config, recording.calibration, noise, GRAVITY, 1.0)
     start = attempts(initializer, recording, 20)
     assert start is not None
     k = int(np.searchsorted(recording.image_stamps_ns, start.state.stamp_ns))
@@ -209,7 +210,12 @@ def test_without_tracks_the_refusal_says_so() -> None:
 
 def test_auto_starts_static_when_standing_and_dynamic_when_moving() -> None:
     noise = ImuNoise(1.7e-4, 1e-5, 5.9e-3, 1e-4)
-    config = override(load_config(), {"initialization.kind": "auto"})
+    soon = {"min_window_s": "2", "max_speed_sigma": "9", "max_tilt_sigma_deg": "9"}
+    config = override(
+        load_config(),
+        {"initialization.kind": "auto"}
+        | {f"initialization.dynamic.{field}": value for field, value in soon.items()},
+    )
 
     recording = drive(4, duration_s=12.0)
     moving = make_initializer(config, recording.calibration, noise, None)
