@@ -47,7 +47,8 @@ def run(path: Path, start_s: float, settings: dict[str, str]) -> Outcome:
     base = {"initialization.kind": "auto", "dataset.start_s": start_s}
     config = override(load_config(), {**base, "dataset.path": str(path), **settings})
     sequence = open_sequence(config.dataset)
-    odometry = Odometry(sequence.calibration, config)
+    given = config.initialization.kind == "given"  # for comparison
+    odometry = Odometry(sequence.calibration, config, truth=sequence.truth if given else None)
     stamps = sequence.image_stamps_ns.tolist()
     estimates: list[Estimate] = []
     note, failed = "", ""

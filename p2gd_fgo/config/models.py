@@ -121,7 +121,7 @@ class StaticStartConfig(Model):
 class DynamicStartConfig(Model):
     """Start in motion: images and IMU of a window explain each other."""
 
-    min_window_s: Positive = Field(1.5, description="shortest stretch of data to try")
+    min_window_s: Positive = Field(4.0, description="shortest stretch of data to try")
     max_window_s: Positive = Field(5.0, description="longest; older data is forgotten")
     every_s: Positive = Field(0.5, description="between two tries")
     max_images: int = Field(25, ge=5, le=200, description="of a window, evenly spread")
@@ -129,9 +129,17 @@ class DynamicStartConfig(Model):
     min_tracks: int = Field(30, ge=8, description="seen twice or more in the window")
     sigma_gyro_bias: Positive = Field(0.1, description="rad/s, 1 sigma, before anything was seen")
     sigma_accel_bias: Positive = Field(0.1, description="m/s², 1 sigma, before anything was seen")
-    max_speed_sigma: Positive = Field(
-        0.1, description="share of the speed: 1 sigma of speed and scale; larger: wait for more"
+    min_gyro_noise: Positive = Field(
+        2e-3, description="rad/s/√Hz; the gyro counts as no better: vibration, scale, alignment"
     )
+    sigma_extrinsic_deg: Positive = Field(
+        0.5, description="1 sigma of the rotation between camera and IMU; widens the covariance"
+    )
+    max_speed_sigma: Positive = Field(
+        0.05, description="share of the speed: 1 sigma of speed and scale; larger: wait for more"
+    )
+    patience_s: Positive = Field(4.5, description="from then on late_speed_sigma holds")
+    late_speed_sigma: Positive = Field(0.3, description="max_speed_sigma after patience_s")
     still_speed_sigma: Positive = Field(
         0.05, description="m/s; a 1 sigma below this is small enough at any speed"
     )

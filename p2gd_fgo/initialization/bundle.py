@@ -147,18 +147,21 @@ class Bundle:
             states.R, states.p, Points(points.R, points.center, abr), robust=robust
         )
 
-    def newest_covariance(self, states: WindowStates, points: Points) -> FloatArray:
-        """(15, 15) of the newest state's error.
+    def newest_covariance(
+        self, states: WindowStates, points: Points, pulls: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """(15, 15) of the newest state's error, and (15, n) how it follows pulls (15 K, n) on g.
 
         Raises
         ------
         LinAlgError
             The information is singular.
         """
-        H, _, _, _ = self.linearize(states, points, robust=False)
+        H, _, _, _ = self.linearize(states, points, robust=True)
         last = np.eye(len(H))[:, -ERROR_DIM:]
-        P = cho_solve(cho_factor(H), last)[-ERROR_DIM:]
-        return np.asarray(0.5 * (P + P.T))
+        columns = cho_solve(cho_factor(H), last)
+        P = columns[-ERROR_DIM:]
+        return np.asarray(0.5 * (P + P.T)), columns.T @ pulls
 
     def _add_beliefs(
         self, states: WindowStates, H: FloatArray | None, g: FloatArray | None

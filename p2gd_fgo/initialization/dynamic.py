@@ -13,7 +13,6 @@ from p2gd_fgo.initialization.sightings import SightingStore
 from p2gd_fgo.initialization.window import WindowMotion, WindowSolver
 from p2gd_fgo.types import NANOSECONDS, ImuBatch, Waiting
 
-_COLD_WINDOW_NS = 2 * NANOSECONDS  # the linear solution takes the gyro's rotations as exact
 _LEAST_IMAGES = 5
 _MAX_SPEED = 60.0  # m/s
 
@@ -21,8 +20,7 @@ _MAX_SPEED = 60.0  # m/s
 class DynamicStart:
     """Tries every ``every_s``, over a window that grows to ``max_window_s`` and then slides.
 
-    A try begins at the last one's motion if that made sense, and otherwise at the linear solution
-    of the newest two seconds.
+    A try begins at the last one's motion if that made sense, and otherwise at the linear solution.
     """
 
     def __init__(
@@ -50,8 +48,6 @@ class DynamicStart:
         self._last_ns = stamp_ns
         self._store.add(stamp_ns, buffer)
         self._store.drop_before(int(imu.stamps_ns[0]))
-        if self._last is None:
-            self._store.drop_before(stamp_ns - _COLD_WINDOW_NS)
         waiting = Waiting(stamp_ns, "waiting for motion that shows velocity and scale")
         span_ns = stamp_ns - self._store.oldest_ns
         rested = self._tried_ns is None or stamp_ns - self._tried_ns >= c.every_s * NANOSECONDS
@@ -84,7 +80,8 @@ class DynamicStart:
         if motion is None:
             return None
         wrong = implausible(motion, self._config)
-        vague = uncertain(motion, self._config)
+        waited_s = (motion.state.stamp_ns - (self._first_ns or 0)) / NANOSECONDS
+        vague = uncertain(motion, self._config, waited_s)
         if wrong is None:
             self._last = motion
         score, reason = wrong or vague
@@ -144,13 +141,17 @@ def implausible(motion: WindowMotion, config: DynamicStartConfig) -> tuple[float
     return max(found, default=None)
 
 
-def uncertain(motion: WindowMotion, config: DynamicStartConfig) -> tuple[float, str]:
+def uncertain(
+    motion: WindowMotion, config: DynamicStartConfig, waited_s: float
+) -> tuple[float, str]:
     """The larger of the uncertainties over their thresholds, and a clause about it."""
-    most = max(config.max_speed_sigma * motion.speed, config.still_speed_sigma)
+    late = waited_s >= config.patience_s
+    allowed = config.late_speed_sigma if late else config.max_speed_sigma
+    most = max(allowed * motion.speed, config.still_speed_sigma)
     share = motion.speed_sigma / max(motion.speed, 1e-9)
     speed = (
         motion.speed_sigma / most,
-        f"speed and scale are uncertain by {share:.0%} (threshold {config.max_speed_sigma:.0%}; "
+        f"speed and scale are uncertain by {share:.0%} (threshold {allowed:.0%}; "
         f"{motion.speed_sigma:.3g} m/s at {motion.speed:.3g} m/s)",
     )
     tilt = (

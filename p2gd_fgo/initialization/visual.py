@@ -66,6 +66,12 @@ class Views:
         noise_px = noise_factor * self._pixel_noise_px
         return Views(self.sightings.only(tracks), self._camera, self._T_imu_cam, noise_px)
 
+    def turned(self, turn: FloatArray) -> Views:
+        """Seen by a camera that is turned in the body by (3, 3) on the right."""
+        T = self._T_imu_cam.copy()
+        T[:3, :3] = T[:3, :3] @ turn
+        return Views(self.sightings, self._camera, T, self._pixel_noise_px)
+
     def residuals(self, R: FloatArray, p: FloatArray, points: Points) -> FloatArray:
         """(N, 2) in standard deviations; infinite behind the camera."""
         return self._evaluate(R, p, points)[0]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.linalg import LinAlgError
@@ -20,18 +20,20 @@ from p2gd_fgo.initialization.preintegration import Intervals, intervals, preinte
 from p2gd_fgo.initialization.sightings import WindowSightings
 from p2gd_fgo.initialization.static import heading_frame
 from p2gd_fgo.initialization.visual import Points, Views
-from p2gd_fgo.types import BoolArray, FloatArray, ImuBatch, NavState
+from p2gd_fgo.types import ERROR_DIM, BoolArray, FloatArray, ImuBatch, NavState
 
-_ROUNDS, _ROBUST_STEPS, _FINAL_STEPS = 2, 12, 12
-_GATE = 4.0  # standard deviations of a sighting
+_ROUNDS, _ROBUST_STEPS, _FINAL_STEPS = 2, 20, 12
+_GATE, _LEAST_GATE = 4.0, 0.5  # standard deviations of a sighting
+_GATE_MEDIANS = 5.0  # tracks that err by more than so many medians are left out
+_NUDGE = 1e-4  # rad
 # Inverse depth over its standard deviation. Points without parallax take any depth that fits their
 # noise, and a few hundred of them make a wrong scale look certain.
 _LEAST_DEPTH_RATIO = 5.0
-# A good tracker errs by much less than the back ends' pixel noise, which covers drift too.
-# The residuals say how much less; a factor stands for what tracks have in common and they hide.
-_CAUTION, _LEAST_NOISE = 2.0, 0.5
+# What a track errs by stays for its life, and what all tracks have in common doesn't average out.
+# Residuals show neither: so many times as large is what the pixels count as, between two bounds in
+# the back ends' pixel noise.
+_CAUTION, _LEAST_NOISE, _MOST_NOISE = 5.0, 0.5, 2.0
 _FAR = 0.02  # 1/m, for tracks that can't be triangulated
-DBG = False
 _NEAR = 2.0  # 1/m
 
 
@@ -108,8 +110,10 @@ class WindowSolver:
         config: DynamicStartConfig,
     ) -> None:
         self._camera, self._T_imu_cam = calibration.camera, calibration.T_imu_cam
-        self._noise, self._gravity, self._config = noise, gravity, config
-        self._pixel_noise_px = pixel_noise_px
+        gyro_noise = max(noise.gyro_noise_density, config.min_gyro_noise)
+        self._noise = replace(noise, gyro_noise_density=gyro_noise)
+        self._gravity, self._config = gravity, config
+        self._pixel_noise_px = _MOST_NOISE * pixel_noise_px
         self._sigma_ray = pixel_noise_px / np.sqrt(self._camera.fx * self._camera.fy)
         self._beliefs = Beliefs(
             config.sigma_gyro_bias,
@@ -127,7 +131,7 @@ class WindowSolver:
         ----------
         guess
             The state somewhere in the window; None: from the linear solution, which is for
-            windows of a second or two, in which the gyro doesn't drift.
+            windows of a few seconds, in which the gyro doesn't drift.
 
         Returns
         -------
@@ -148,8 +152,6 @@ class WindowSolver:
             with np.errstate(all="ignore"):  # a step gone wrong costs nan or inf, and is undone
                 return self._refined(sightings, pieces, states)
         except LinAlgError:
-            if DBG:
-                raise
             return None
 
     def _from_nothing(self, sightings: WindowSightings, pieces: Intervals) -> WindowStates | None:
@@ -181,19 +183,26 @@ class WindowSolver:
             views, points = every.only(ahead), points.only(ahead)
             bundle = Bundle(pieces, views, self._noise, self._gravity, self._beliefs)
             states, points, _, _ = bundle.minimize(states, points, _ROBUST_STEPS, robust=True)
-        size = np.linalg.norm(views.residuals(states.R, states.p, points), axis=1)
-        good = np.maximum.reduceat(size, views.sightings.starts) < _GATE
-        inliers = float(good[views.sightings.track].mean())
-        good &= views.depth_ratio(states.R, states.p, points) > _LEAST_DEPTH_RATIO
-        good &= points.abr[:, 2] < _NEAR
-        if good.sum() < c.min_tracks:
-            return None
-        kept, points = views.only(good), points.only(good)
-        factor = float(np.clip(_rms(kept, states, points) * _CAUTION, _LEAST_NOISE, 1.0))
-        kept = kept.only(np.ones(good.sum(), dtype=bool), factor)
-        bundle = Bundle(pieces, kept, self._noise, self._gravity, self._beliefs)
-        states, points, _, converged = bundle.minimize(states, points, _FINAL_STEPS, robust=False)
-        covariance = bundle.newest_covariance(states, points)
+        kept, inliers, converged, factor = views, 1.0, False, 1.0
+        for last in (False, True):
+            size = np.linalg.norm(kept.residuals(states.R, states.p, points), axis=1)
+            worst = np.maximum.reduceat(size, kept.sightings.starts)
+            good = worst < min(_GATE, max(_GATE_MEDIANS * float(np.median(size)), _LEAST_GATE))
+            inliers = min(inliers, float(good[kept.sightings.track].mean()))
+            good &= kept.depth_ratio(states.R, states.p, points) > _LEAST_DEPTH_RATIO
+            good &= points.abr[:, 2] < _NEAR
+            if good.sum() < c.min_tracks:
+                return None
+            kept, points = kept.only(good), points.only(good)
+            if last:
+                least = _LEAST_NOISE / _MOST_NOISE
+                factor = float(np.clip(_CAUTION * _rms(kept, states, points), least, 1.0))
+                kept = kept.only(np.ones(len(points.abr), dtype=bool), factor)
+            bundle = Bundle(pieces, kept, self._noise, self._gravity, self._beliefs)
+            states, points, _, converged = bundle.minimize(
+                states, points, _FINAL_STEPS, robust=True
+            )
+        covariance = self._with_extrinsic(bundle, states, points)
         r, _, C = inertial_residuals(states, pieces, self._noise, self._gravity)
         white = np.linalg.solve(np.linalg.cholesky(C), r[..., None])
         return WindowMotion(
@@ -212,6 +221,26 @@ class WindowSolver:
             float(np.sqrt(np.sum(white[:, :9] ** 2) / (9 * len(r)))),
             converged,
         )
+
+    def _with_extrinsic(self, bundle: Bundle, states: WindowStates, points: Points) -> FloatArray:
+        """The newest state's covariance with what the extrinsic rotation may err by.
+
+        It isn't estimated but considered (Schmidt): on a straight road nothing shows it, and it
+        turns the velocity in the body.
+        """
+        by_turn = np.empty((len(states) * ERROR_DIM, 3))
+        for axis in range(3):
+            turn = so3.exp(_NUDGE * np.eye(3)[axis])
+            g = [
+                replace(bundle, views=bundle.views.turned(R)).linearize(
+                    states, points, robust=True
+                )[1]
+                for R in (turn, turn.T)
+            ]
+            by_turn[:, axis] = (g[0] - g[1]) / (2.0 * _NUDGE)
+        P, gain = bundle.newest_covariance(states, points, by_turn)
+        sigma = np.radians(self._config.sigma_extrinsic_deg)
+        return np.asarray(P + sigma**2 * gain @ gain.T)
 
 
 def _rms(views: Views, states: WindowStates, points: Points) -> float:
