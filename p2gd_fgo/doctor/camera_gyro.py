@@ -9,9 +9,10 @@ import numpy as np
 
 from p2gd_fgo.doctor.axes import Axes, all_axes
 from p2gd_fgo.doctor.flow import Pair
+from p2gd_fgo.doctor.intervals import GyroIntegral, Intervals
 from p2gd_fgo.doctor.lens_fit import Lens
 from p2gd_fgo.doctor.matching import Hypothesis, Match, match
-from p2gd_fgo.doctor.rotation_fit import GyroIntegral, Intervals, RotationFit
+from p2gd_fgo.doctor.rotation_fit import RotationFit
 from p2gd_fgo.doctor.two_view import two_view_motion
 from p2gd_fgo.types import FloatArray, IntArray
 

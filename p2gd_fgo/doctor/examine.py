@@ -11,10 +11,10 @@ from p2gd_fgo.datasets import Sequence
 from p2gd_fgo.doctor.flow import follow
 from p2gd_fgo.doctor.images import check_images
 from p2gd_fgo.doctor.inertial import check_inertial
+from p2gd_fgo.doctor.intervals import GyroIntegral
 from p2gd_fgo.doctor.lens import check_lens
 from p2gd_fgo.doctor.motion import check_motion
 from p2gd_fgo.doctor.report import Finding, Report
-from p2gd_fgo.doctor.rotation_fit import GyroIntegral
 from p2gd_fgo.doctor.stamps import check_stamps
 from p2gd_fgo.doctor.stretches import choose_stretches
 

@@ -11,10 +11,10 @@ from p2gd_fgo.datasets import Sequence
 from p2gd_fgo.doctor.axes import Axes
 from p2gd_fgo.doctor.camera_gyro import CameraMatch, camera_rotations, match_camera
 from p2gd_fgo.doctor.flow import FlowSample
+from p2gd_fgo.doctor.intervals import GyroIntegral
 from p2gd_fgo.doctor.lens_check import LensVerdict, check_tracks
 from p2gd_fgo.doctor.lens_fit import Lens
 from p2gd_fgo.doctor.report import Finding, Value
-from p2gd_fgo.doctor.rotation_fit import GyroIntegral
 from p2gd_fgo.doctor.tolerances import Tolerances, make_tolerances
 from p2gd_fgo.doctor.truth_accel import match_accel
 from p2gd_fgo.doctor.truth_gyro import TruthMatch, match_truth

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from p2gd_fgo.doctor.rotation_fit import GyroIntegral
+from p2gd_fgo.doctor.intervals import GyroIntegral
 from p2gd_fgo.types import FloatArray, IntArray
 
 IMAGES = 300

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from p2gd_fgo.doctor.axes import all_axes
+from p2gd_fgo.doctor.intervals import GyroIntegral, Intervals
 from p2gd_fgo.doctor.matching import Hypothesis, Match, match
-from p2gd_fgo.doctor.rotation_fit import GyroIntegral, Intervals, RotationFit
+from p2gd_fgo.doctor.rotation_fit import RotationFit
 from p2gd_fgo.geometry import so3
 from p2gd_fgo.types import FloatArray, Trajectory
 

@@ -7,7 +7,7 @@ import pytest
 
 from p2gd_fgo.doctor.axes import all_axes
 from p2gd_fgo.doctor.camera_gyro import CameraMatch, match_camera
-from p2gd_fgo.doctor.rotation_fit import GyroIntegral, Intervals
+from p2gd_fgo.doctor.intervals import GyroIntegral, Intervals
 from p2gd_fgo.geometry import so3
 from p2gd_fgo.types import FloatArray, ImuBatch
 
