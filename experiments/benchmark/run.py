@@ -18,6 +18,7 @@ import numpy as np  # noqa: E402
 from rich.console import Console  # noqa: E402
 from rich.table import Table  # noqa: E402
 
+from p2gd_fgo.cli.refusing import run_refusing  # noqa: E402
 from p2gd_fgo.config import load_config, override  # noqa: E402
 from p2gd_fgo.experiment import run_experiment  # noqa: E402
 from p2gd_fgo.simulation.demo import demo_sequence  # noqa: E402
@@ -46,4 +47,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_refusing(main)

@@ -16,6 +16,7 @@ set_thread_environment(1)
 
 import numpy as np  # noqa: E402
 
+from p2gd_fgo.cli.refusing import run_refusing  # noqa: E402
 from p2gd_fgo.config import Config, load_config, override  # noqa: E402
 from p2gd_fgo.datasets import open_sequence  # noqa: E402
 from p2gd_fgo.evaluation.evaluate import evaluate  # noqa: E402
@@ -195,4 +196,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_refusing(main)

@@ -17,6 +17,7 @@ set_thread_environment(1)
 import cv2  # noqa: E402
 from breaking import BREAKS, Break, read, write  # noqa: E402
 
+from p2gd_fgo.cli.refusing import run_refusing  # noqa: E402
 from p2gd_fgo.config import load_config, override, resolve  # noqa: E402
 from p2gd_fgo.datasets import open_sequence  # noqa: E402
 from p2gd_fgo.doctor import Report, examine  # noqa: E402
@@ -78,4 +79,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_refusing(main)

@@ -16,6 +16,8 @@ from functools import partial
 import numpy as np
 
 from p2gd_fgo.backends.factory import make_backend
+from p2gd_fgo.cli.options import read_settings
+from p2gd_fgo.cli.refusing import run_refusing
 from p2gd_fgo.config import Config, load_config, override
 from p2gd_fgo.evaluation.consistency import free_sigmas
 from p2gd_fgo.evaluation.feature_runs import run_features
@@ -74,7 +76,7 @@ def main() -> None:
     parser.add_argument("--platforms", nargs="+", default=list(PLATFORMS), choices=PLATFORMS)
     parser.add_argument("--jobs", type=int, default=2)
     options = parser.parse_args()
-    settings = dict(item.split("=", 1) for item in options.set)
+    settings = read_settings(options.set)
     config = override(load_config(), {"backend.kind": options.backend, **settings})
     write = sys.stdout.write
     with ProcessPoolExecutor(options.jobs) as pool:
@@ -116,4 +118,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_refusing(main)

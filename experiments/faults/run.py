@@ -16,6 +16,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from p2gd_fgo.cli.options import read_settings
+from p2gd_fgo.cli.refusing import run_refusing
 from p2gd_fgo.config import load_config, override
 from p2gd_fgo.datasets import Sequence, open_sequence
 from p2gd_fgo.evaluation.alignment import Alignment, align_yaw_pos
@@ -99,7 +101,7 @@ def main() -> None:
     parser.add_argument("--start", type=float, default=0.0, help="s of the recording left out")
     parser.add_argument("--set", action="append", default=[], metavar="FIELD=VALUE")
     options = parser.parse_args()
-    settings = dict(item.split("=", 1) for item in options.set)
+    settings = read_settings(options.set)
     cv2.setNumThreads(1)
     write = sys.stdout.write
     write(
@@ -135,4 +137,4 @@ def show(write: Callable[[str], object], name: str, backend: str, row: Row, clea
 
 
 if __name__ == "__main__":
-    main()
+    run_refusing(main)

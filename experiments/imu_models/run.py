@@ -16,6 +16,7 @@ set_thread_environment(1)
 import numpy as np  # noqa: E402
 
 from p2gd_fgo.backends.factory import make_backend  # noqa: E402
+from p2gd_fgo.cli.refusing import run_refusing  # noqa: E402
 from p2gd_fgo.config import load_config, override  # noqa: E402
 from p2gd_fgo.evaluation.feature_runs import run_features  # noqa: E402
 from p2gd_fgo.imu import earth_rate  # noqa: E402
@@ -129,4 +130,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_refusing(main)

@@ -18,6 +18,8 @@ from pathlib import Path
 
 import numpy as np
 
+from p2gd_fgo.cli.options import read_settings
+from p2gd_fgo.cli.refusing import run_refusing
 from p2gd_fgo.config import load_config, override
 from p2gd_fgo.datasets import Sequence, open_sequence
 from p2gd_fgo.errors import EstimatorError, InitializationError
@@ -130,7 +132,7 @@ def main() -> None:
     parser.add_argument("--starts", default="0,2.5,5,7.5,10", help="seconds, comma-separated")
     parser.add_argument("--set", action="append", default=[], metavar="FIELD=VALUE")
     options = parser.parse_args()
-    settings = dict(item.split("=", 1) for item in options.set)
+    settings = read_settings(options.set)
     starts = [float(s) for s in options.starts.split(",")]
     write = sys.stdout.write
     write(
@@ -161,4 +163,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_refusing(main)

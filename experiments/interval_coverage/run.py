@@ -19,6 +19,7 @@ from itertools import product
 
 import numpy as np
 
+from p2gd_fgo.cli.refusing import run_refusing
 from p2gd_fgo.evaluation.bootstrap import EffectKind, by_route, effect, resampled
 from p2gd_fgo.evaluation.synthetic_pairs import PairModel, draw_pairs, spread_over
 
@@ -80,4 +81,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_refusing(main)

@@ -17,6 +17,8 @@ set_thread_environment(1)
 import cv2  # noqa: E402
 import numpy as np  # noqa: E402
 
+from p2gd_fgo.cli.options import read_settings  # noqa: E402
+from p2gd_fgo.cli.refusing import run_refusing  # noqa: E402
 from p2gd_fgo.config import Config, load_config, override  # noqa: E402
 from p2gd_fgo.datasets import open_sequence  # noqa: E402
 from p2gd_fgo.evaluation.evaluate import evaluate  # noqa: E402
@@ -154,7 +156,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--jobs", type=int, default=2)
     options = parser.parse_args()
-    settings: dict[str, object] = dict(item.split("=", 1) for item in options.set)
+    settings = read_settings(options.set)
     given = {"dataset.path": str(options.folder), "initialization.kind": "given"}
     config = override(load_config(), given | settings)
     results = []
@@ -173,4 +175,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_refusing(main)

@@ -15,6 +15,8 @@ from functools import partial
 import numpy as np
 
 from p2gd_fgo.backends.factory import make_backend
+from p2gd_fgo.cli.options import read_settings
+from p2gd_fgo.cli.refusing import run_refusing
 from p2gd_fgo.config import Config, load_config, override
 from p2gd_fgo.evaluation.feature_runs import detected_still, run_features
 from p2gd_fgo.simulation.feature_recording import ROBOT_PLATFORM, record_features
@@ -51,7 +53,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--jobs", type=int, default=2)
     options = parser.parse_args()
-    settings = dict(item.split("=", 1) for item in options.set)
+    settings = read_settings(options.set)
     config = override(load_config(), {"backend.kind": options.backend, **settings})
     write = sys.stdout.write
     write(
@@ -70,4 +72,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_refusing(main)

@@ -31,7 +31,8 @@ def evaluate(
     ] = None,
 ) -> None:
     """Compare a trajectory with the truth and print its ATE/RTE table."""
-    config = override(load_config(), {"evaluation.alignment": alignment})
+    key = "evaluation.alignment"
+    config = override(load_config(), {key: alignment}, {key: "--alignment"})
     set_thread_environment(config.runtime.threads)
     from p2gd_fgo.atomic_files import write_text
     from p2gd_fgo.evaluation.evaluate import evaluate as judge

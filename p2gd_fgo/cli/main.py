@@ -5,10 +5,7 @@ Exit codes: 0 done, 1 the run failed, 2 bad input, 130 interrupted.
 
 from __future__ import annotations
 
-import sys
-
 import typer
-from rich.console import Console
 
 from p2gd_fgo import __version__
 from p2gd_fgo.cli import config as config_commands
@@ -18,10 +15,10 @@ from p2gd_fgo.cli.convert import convert
 from p2gd_fgo.cli.doctor import doctor
 from p2gd_fgo.cli.evaluate import evaluate
 from p2gd_fgo.cli.explain import explain
+from p2gd_fgo.cli.refusing import run_refusing
 from p2gd_fgo.cli.report import report
 from p2gd_fgo.cli.run import demo, run
 from p2gd_fgo.cli.simulate import simulate
-from p2gd_fgo.errors import P2gdError
 
 app = typer.Typer(
     name="p2gd-fgo",
@@ -60,15 +57,7 @@ def _main(
 
 def main() -> None:
     """Run the command line."""
-    try:
-        app()
-    except P2gdError as error:
-        Console(stderr=True, soft_wrap=True, highlight=False, markup=False).print(
-            f"p2gd-fgo: {error}"
-        )
-        sys.exit(2)
-    except KeyboardInterrupt:
-        sys.exit(130)
+    run_refusing(app)
 
 
 if __name__ == "__main__":

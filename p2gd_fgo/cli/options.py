@@ -78,21 +78,35 @@ def make_config(
                 "name the other with 'extends:'"
             )
         target, config = None, target
+    chosen: dict[str, object] = {} if target is None else {"dataset.path": str(target)}
+    chosen |= read_settings(settings)
+    shortcuts = {
+        "backend.kind": ("--backend", backend),
+        "distribution.kind": ("--distribution", distribution),
+        "runtime.seed": ("--seed", seed),
+    }
+    given = {key: value for key, (_, value) in shortcuts.items() if value is not None}
+    options = {key: shortcuts[key][0] for key in given}
+    made = override(load_config(config), chosen | given, options)
+    set_thread_environment(made.runtime.threads)
+    return made
+
+
+def read_settings(settings: list[str] | None) -> dict[str, object]:
+    """Keys and values of ``--set KEY=VALUE``, the last of each key.
+
+    Raises
+    ------
+    ConfigError
+        A setting without '='.
+    """
     chosen: dict[str, object] = {}
-    if target is not None:
-        chosen["dataset.path"] = str(target)
     for setting in settings or []:
         key, equals, value = setting.partition("=")
         if not equals:
             raise ConfigError(f"--set {setting}: give a key and a value as KEY=VALUE")
         chosen[key.strip()] = value
-    shortcuts = {
-        "backend.kind": backend, "distribution.kind": distribution, "runtime.seed": seed,
-    }  # fmt: skip
-    chosen |= {key: value for key, value in shortcuts.items() if value is not None}
-    made = override(load_config(config), chosen)
-    set_thread_environment(made.runtime.threads)
-    return made
+    return chosen
 
 
 def read_figures(text: str | None) -> tuple[int, ...]:

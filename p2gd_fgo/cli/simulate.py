@@ -10,6 +10,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from p2gd_fgo.cli.options import read_settings
 from p2gd_fgo.errors import ConfigError
 
 
@@ -42,10 +43,11 @@ def simulate(
         Path | None, typer.Option("--out", "-o", help="Folder [default: in the user's cache]")
     ] = None,
     jobs: Annotated[
-        int, typer.Option("--jobs", "-j", help="Processes; 0: one for each core.")
+        int, typer.Option("--jobs", "-j", min=0, help="Processes; 0: one for each core.")
     ] = 0,
     preview: Annotated[
-        int, typer.Option(help="Put this many images on one sheet, preview.jpg in the folder.")
+        int,
+        typer.Option(min=0, help="Put this many images on one sheet, preview.jpg in the folder."),
     ] = 0,
     only_preview: Annotated[
         bool, typer.Option("--only-preview", help="Render the images of --preview and no others.")
@@ -61,12 +63,7 @@ def simulate(
     """Render a recording with known truth, as an ASL folder; what is there already is kept."""
     from p2gd_fgo.simulation.presets import find_preset, load_scenario
 
-    chosen: dict[str, object] = {}
-    for setting in settings or []:
-        key, equals, value = setting.partition("=")
-        if not equals:
-            raise ConfigError(f"--set {setting}: give a key and a value as KEY=VALUE")
-        chosen[key.strip()] = value
+    chosen = read_settings(settings)
     short = {
         "seed": seed, "duration_s": duration, "imu.seed": imu_seed,
         "route.file": None if route is None else str(route),

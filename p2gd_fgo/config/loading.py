@@ -14,6 +14,7 @@ from pydantic import BaseModel, ValidationError
 
 from p2gd_fgo.config import yaml_text
 from p2gd_fgo.config.models import Config
+from p2gd_fgo.config.refusals import place_of, refusal
 from p2gd_fgo.errors import ConfigError
 
 _WIDE_IMAGE_PX = 1000
@@ -39,8 +40,22 @@ def load_config(path: Path | None = None) -> Config:
     return _validate(data, str(path) if path is not None else "the configuration")
 
 
-def override(config: Config, settings: Mapping[str, object]) -> Config:
+def override(
+    config: Config,
+    settings: Mapping[str, object],
+    options: Mapping[str, str] | None = None,
+) -> Config:
     """A copy with fields replaced: ``{"frontend.max_features": 180}``; values may be YAML text.
+
+    Parameters
+    ----------
+    config
+        What is copied.
+    settings
+        Dotted names and values.
+    options
+        Of some of these names the option that they were given by, for what is said of a value
+        that is refused; ``--set`` for the others.
 
     Raises
     ------
@@ -48,6 +63,7 @@ def override(config: Config, settings: Mapping[str, object]) -> Config:
         As :func:`load_config`.
     """
     data = config.model_dump(exclude_unset=True)
+    options = options or {}
     for key, value in settings.items():
         node = data
         *parents, leaf = key.split(".")
@@ -55,8 +71,8 @@ def override(config: Config, settings: Mapping[str, object]) -> Config:
             node = node.setdefault(parent, {})
             if not isinstance(node, dict):
                 raise ConfigError(f"--set {key}: '{parent}' holds a value, not further keys")
-        node[leaf] = _parse(value, key) if isinstance(value, str) else value
-    return _validate(data, "--set")
+        node[leaf] = _parse(value, key, options.get(key)) if isinstance(value, str) else value
+    return _validate(data, "--set", options)
 
 
 def resolve(config: Config, image_width: int) -> Config:
@@ -125,14 +141,14 @@ def _merge(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
     return out
 
 
-def _parse(text: str, key: str) -> Any:
+def _parse(text: str, key: str, option: str | None) -> Any:
     """The value that text stands for: YAML, except that a text field takes it as it is."""
     if _is_text(key) and text != "null" and not text.startswith(("'", '"')):
         return text
     try:
         return yaml_text.parse(text)
     except ValueError:
-        raise ConfigError(f"--set {key}: {text!r} is not a YAML value") from None
+        raise ConfigError(f"{option or f'--set {key}'}: {text!r} is not a YAML value") from None
 
 
 def _is_text(key: str) -> bool:
@@ -150,7 +166,9 @@ def _kind(value: object) -> str:
     return "list" if isinstance(value, list) else type(value).__name__
 
 
-def _validate(data: dict[str, Any], source: str) -> Config:
+def _validate(
+    data: dict[str, Any], source: str, options: Mapping[str, str] | None = None
+) -> Config:
     for dotted, node, model in _unknown_keys(data, Config, ""):
         names = list(model.model_fields)
         near = difflib.get_close_matches(node, names, n=1, cutoff=0.5)
@@ -160,12 +178,8 @@ def _validate(data: dict[str, Any], source: str) -> Config:
         return Config.model_validate(data)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        where = ".".join(str(part) for part in first["loc"])
-        message = first["msg"].removeprefix("Value error, ")
-        message = message[:1].lower() + message[1:]
-        if not where:
-            raise ConfigError(f"{source}: {message}") from None
-        raise ConfigError(f"{source}: {where} is {first['input']!r}: {message}") from None
+        source = (options or {}).get(place_of(first), source)
+        raise ConfigError(f"{source}: {refusal(first)}") from None
 
 
 def _unknown_keys(

@@ -12,6 +12,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from p2gd_fgo.config import yaml_text
+from p2gd_fgo.config.refusals import place_of, refusal
 from p2gd_fgo.errors import ConfigError
 from p2gd_fgo.simulation.scenario import Scenario
 
@@ -59,16 +60,18 @@ def load_scenario(path: Path, settings: Mapping[str, object] | None = None) -> S
     if isinstance(route, dict) and isinstance(route.get("file"), str) and chosen is None:
         route["file"] = str(path.parent / route["file"])
     data.setdefault("name", path.stem)
-    return check_scenario(data, str(path))
+    return check_scenario(data, str(path), settings)
 
 
-def check_scenario(data: dict[str, Any], source: str) -> Scenario:
-    """Make a scenario of plain data.
+def check_scenario(
+    data: dict[str, Any], source: str, settings: Mapping[str, object] | None = None
+) -> Scenario:
+    """Make a scenario of plain data, of which ``settings`` were given by options.
 
     Raises
     ------
     ConfigError
-        With ``source``, the key and the value.
+        With ``source`` or ``--set``, the key and the value.
     """
     for dotted, key, names in _unknown(data, Scenario, ""):
         near = difflib.get_close_matches(key, names, n=1, cutoff=0.5)
@@ -78,12 +81,9 @@ def check_scenario(data: dict[str, Any], source: str) -> Scenario:
         return Scenario.model_validate(data)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        where = ".".join(str(part) for part in first["loc"])
-        message = first["msg"].removeprefix("Value error, ")
-        message = message[:1].lower() + message[1:]
-        given = first["input"]
-        value = "" if isinstance(given, dict | BaseModel) else f" is {given!r}"
-        raise ConfigError(f"{source}: {where}{value}: {message}".replace(": :", ":")) from None
+        where = place_of(first)
+        set_here = any(where == key or where.startswith(f"{key}.") for key in settings or ())
+        raise ConfigError(f"{'--set' if set_here else source}: {refusal(first)}") from None
 
 
 def dump_scenario(scenario: Scenario) -> str:

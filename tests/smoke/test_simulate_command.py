@@ -43,7 +43,8 @@ def test_a_recording_and_its_sheet(
     ("arguments", "words"),
     [
         (("moon",), "'moon' is neither a preset nor a scenario file"),
-        (("kaist_like", "--set", "vehicle.speed=[-1,3]"), "vehicle.speed.0 is -1"),
+        (("kaist_like", "--set", "vehicle.speed=[-1,3]"), "--set: vehicle.speed.0 is -1"),
+        (("kaist_like", "--duration", "0"), "--set: duration_s is 0.0"),
         (("kaist_like", "--set", "seed"), "give a key and a value as KEY=VALUE"),
         (("kaist_like", "--route", "missing.tum"), "missing.tum: no such trajectory file"),
         (("kaist_like", "--only-preview"), "needs --preview"),

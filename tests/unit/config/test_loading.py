@@ -105,8 +105,16 @@ def test_extends_takes_names_only(tmp_path: Path, value: str) -> None:
         ("backend: {window: 3.5}", "backend.window is 3.5"),
         (
             "backend: {kind: smother}",
-            "backend.kind is 'smother': input should be 'smoother', 'msckf' or",
+            "backend.kind is 'smother': input should be 'smoother', 'msckf' or "
+            "'dead_reckoning' (did you mean 'smoother'?)",
         ),
+        ("backend: {kind: zzz}", "'msckf' or 'dead_reckoning'"),
+        (
+            "frontend: {grid: 10x6}",
+            "frontend.grid is '10x6': a list in brackets is expected, such as [10,6]",
+        ),
+        ("frontend: {grid: 10}", "frontend.grid is 10: a list in brackets is expected"),
+        ("frontend: 10", "frontend is 10: a section of fields is expected: set frontend.FIELD"),
         ("frontend: {grid: [4]}", "frontend.grid"),
         ("frontend: {grid: [4, 0]}", "frontend.grid.1 is 0"),
         ("imu: {gravity: .nan}", "imu.gravity is nan"),
@@ -226,6 +234,16 @@ def test_override_changes_only_what_it_names() -> None:
     assert config.dataset.duration_s == 2.5
     assert override(config, {"dataset.duration_s": "null"}).dataset.duration_s is None
     assert base.frontend.grid is None
+
+
+def test_what_a_shortcut_gave_is_refused_under_its_name() -> None:
+    options = {"backend.kind": "--backend"}
+    with pytest.raises(ConfigError, match=r"^--backend: backend\.kind is 'smother'"):
+        override(Config(), {"backend.kind": "smother"}, options)
+    with pytest.raises(ConfigError, match=r"^--backend: .* is not a YAML value"):
+        override(Config(), {"backend.kind": "[4"}, options)
+    with pytest.raises(ConfigError, match=r"^--set: backend\.window is 1"):
+        override(Config(), {"backend.kind": "msckf", "backend.window": 1}, options)
 
 
 @pytest.mark.parametrize(

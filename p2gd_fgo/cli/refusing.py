@@ -1,0 +1,23 @@
+"""Errors as one sentence on stderr, for the commands and for scripts beside them."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+
+from rich.console import Console
+
+from p2gd_fgo.errors import P2gdError
+
+
+def run_refusing(body: Callable[[], None]) -> None:
+    """Run the body of a program; exit with 2 after a sentence on bad input, with 130 on Ctrl-C."""
+    try:
+        body()
+    except P2gdError as error:
+        Console(stderr=True, soft_wrap=True, highlight=False, markup=False).print(
+            f"p2gd-fgo: {error}"
+        )
+        sys.exit(2)
+    except KeyboardInterrupt:
+        sys.exit(130)
