@@ -75,7 +75,7 @@ def compare(
 def _names(
     option: str, text: str | None, model: type[BackendConfig | DistributionConfig]
 ) -> tuple[str, ...]:
-    """The names in ``a,b``, each once, all of them known to the field ``kind``."""
+    """The names in ``a,b``, all of them known to the field ``kind``, none of them twice."""
     if text is None:
         return ()
     known = get_args(model.model_fields["kind"].annotation)
@@ -85,7 +85,12 @@ def _names(
             near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
             hint = f"did you mean '{near[0]}'? " if near else ""
             raise ConfigError(f"{option} {text}: no '{name}': {hint}it takes {', '.join(known)}")
-    return tuple(dict.fromkeys(names))
+        if names.count(name) > 1:
+            raise ConfigError(
+                f"{option} {text}: '{name}' stands there twice and would be the same run: name "
+                "each once (runs of several seeds are a study's, 'p2gd-fgo study')"
+            )
+    return tuple(names)
 
 
 def _compare(combinations: Sequence[Config], out: Path, overwrite: bool) -> None:

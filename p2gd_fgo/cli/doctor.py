@@ -32,7 +32,7 @@ def doctor(
         Path,
         typer.Argument(
             metavar="PATH|CONFIG", show_default=False,
-            help="Folder of a recording, or a YAML configuration that names one.",
+            help="A recording, folder or bag, or a YAML configuration that names one.",
         ),
     ],
     config: ConfigOption = None,

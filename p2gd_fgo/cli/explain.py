@@ -58,6 +58,11 @@ def explain(
     runs = _runs(a, b)
     for first, second in runs:
         found += _pairs(first, second, length, masks, seen)
+    if not found:
+        raise DataError(
+            f"{a} and {b} have no piece of {length:g} m of the way in common: give a shorter "
+            "--length, or two runs of the same part of a recording"
+        )
     rows = compare_episodes(found)
     header = [
         ("a", str(a)),

@@ -60,8 +60,14 @@ class PriorIntake:
         Raises
         ------
         DataError
-            Stamps and poses of shapes that don't fit.
+            Something else than ``PriorPoses`` handed in, or stamps and poses of shapes that
+            don't fit.
         """
+        if handed is not None and not isinstance(handed, PriorPoses):
+            raise DataError(
+                f"prior poses were handed in as a {type(handed).__name__}: hand in a "
+                "PriorPoses(stamps_ns, T_imu0_imu) from p2gd_fgo.types"
+            )
         times_ns = self._source.image_times.after(stamp_ns, recent, self._horizon)
         if times_ns is not None and len(times_ns) == 0:
             return PriorPoses(times_ns, np.zeros((0, 4, 4)))

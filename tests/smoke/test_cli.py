@@ -275,6 +275,7 @@ class TestCompare:
         [
             ("--backend", "smoother,smother", "did you mean 'smoother'"),
             ("--distribution", "grid,", "it takes grid, p2gd"),
+            ("--distribution", "grid,p2gd,grid", "'grid' stands there twice"),
         ],
     )
     def test_unknown_names(

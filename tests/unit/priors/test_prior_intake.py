@@ -52,6 +52,13 @@ def poses(taken: PriorPoses | PriorProblem) -> PriorPoses:
     return taken
 
 
+def test_a_plain_tuple_is_refused_in_one_sentence() -> None:
+    ours = handed(IMAGES[NOW + 1 : NOW + 21])
+    pair = (ours.stamps_ns, ours.T_imu0_imu)
+    with pytest.raises(DataError, match=r"handed in as a tuple: hand in a PriorPoses\("):
+        take(pair)  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize("step_ns", [IMAGE_NS, 20_000_000, 170_000_000, 1_000_000_000])
 def test_any_rate_is_brought_to_the_images(step_ns: int) -> None:
     taken = poses(take(handed(IMAGES[NOW] + 3 + step_ns * np.arange(200))))
