@@ -14,11 +14,20 @@ def atomic_path(path: Path) -> Iterator[Path]:
 
     The temporary file keeps the suffix of ``path``, which some writers choose the format by. If
     the block raises, ``path`` is left as it was.
+
+    Raises
+    ------
+    OSError
+        It can't be written; ``filename`` is ``path``, whatever the temporary file is called.
     """
     temporary = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
     try:
         yield temporary
         temporary.replace(path)
+    except OSError as error:
+        if error.filename is not None and Path(error.filename) == temporary:
+            raise OSError(error.errno, error.strerror, str(path)) from error
+        raise
     finally:
         temporary.unlink(missing_ok=True)
 

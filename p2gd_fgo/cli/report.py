@@ -64,6 +64,7 @@ def report(
 ) -> None:  # fmt: skip
     """Tables and figures of any runs: here, as a page, as Markdown and as LaTeX."""
     set_thread_environment(load_config().runtime.threads)
+    from p2gd_fgo.report.compare_table import FULL_WIDTH
     from p2gd_fgo.report.pages.write import write_report
 
     written = write_report(
@@ -71,6 +72,8 @@ def report(
         baseline=baseline, alignment=alignment, heading=title,
     )  # fmt: skip
     console = Console()
+    if not console.is_terminal:
+        console.width = max(console.width, FULL_WIDTH)
     console.print(written.terminal(console.width))
     for path in written.files:
         console.print(f"written: {path}", soft_wrap=True, highlight=False, markup=False)

@@ -51,7 +51,9 @@ def test_refuses_in_one_sentence(
         (tmp_path / "empty",),
         (tmp_path / "run", "--alignment", "se2"),
         (tmp_path / "run", "--baseline", "backend=none"),
+        (tmp_path / "run", "--latex", tmp_path / "empty"),
     ):
         assert call(monkeypatch, *arguments) == 2
         error = capsys.readouterr().err
         assert len(error.strip().splitlines()) == 1 and "Traceback" not in error
+        assert ".part" not in error

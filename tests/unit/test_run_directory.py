@@ -152,3 +152,12 @@ def test_a_writer_that_fails_leaves_the_old_file(tmp_path: Path) -> None:
         raise RuntimeError
     assert path.read_text() == "old"
     assert [p.name for p in tmp_path.iterdir()] == ["a.txt"]
+
+
+def test_a_file_that_cannot_be_written_goes_by_its_own_name(tmp_path: Path) -> None:
+    (tmp_path / "folder").mkdir()
+    for path in (tmp_path / "folder", tmp_path / "missing" / "page.html"):
+        with pytest.raises(OSError) as caught:
+            write_text(path, "x")
+        assert caught.value.filename == str(path)
+    assert not list(tmp_path.glob(".*"))
