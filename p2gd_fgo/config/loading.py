@@ -172,7 +172,9 @@ def _validate(
     for dotted, node, model in _unknown_keys(data, Config, ""):
         names = list(model.model_fields)
         near = difflib.get_close_matches(node, names, n=1, cutoff=0.5)
-        hint = f"did you mean '{near[0]}'?" if near else f"it takes {', '.join(names)}"
+        elsewhere = [key for key in _keys(Config, "") if key.endswith(f".{dotted}")]
+        likely = " or ".join(f"'{key}'" for key in (elsewhere or near))
+        hint = f"did you mean {likely}?" if likely else f"it takes {', '.join(names)}"
         raise ConfigError(f"{source}: unknown key '{dotted}': {hint}")
     try:
         return Config.model_validate(data)
@@ -193,6 +195,15 @@ def _unknown_keys(
         inner = _model_of(info.annotation)
         if inner is not None and isinstance(value, dict):
             yield from _unknown_keys(value, inner, f"{prefix}{key}.")
+
+
+def _keys(model: type[BaseModel], prefix: str) -> Iterator[str]:
+    """Dotted names of all fields."""
+    for name, info in model.model_fields.items():
+        yield f"{prefix}{name}"
+        inner = _model_of(info.annotation)
+        if inner is not None:
+            yield from _keys(inner, f"{prefix}{name}.")
 
 
 def _model_of(annotation: Any) -> type[BaseModel] | None:

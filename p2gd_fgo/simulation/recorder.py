@@ -78,9 +78,11 @@ def record(
     folder = folder or default_folder(scenario)
     key = images_hash(scenario, WORLD_VERSION)
     try:
+        if reuse is not None:
+            _check_reusable(reuse, key)
         _claim(folder, key, overwrite)
         if reuse is not None:
-            _link(reuse, folder, key)
+            _link(reuse, folder)
         stamps = image_names(prepared)
         frames = _Frames(folder, scenario.camera.depth_every_px)
         todo = [k for k, stamp in enumerate(stamps.tolist()) if not frames.complete(stamp)]
@@ -223,12 +225,17 @@ def _claim(folder: Path, key: str, overwrite: bool) -> None:
     write_text(mark, key + "\n")
 
 
-def _link(source: Path, folder: Path, key: str) -> None:
+def _check_reusable(source: Path, key: str) -> None:
     mark = source / _HASH_FILE
+    if not source.is_dir():
+        raise ConfigError(f"--reuse {source}: no such folder: give a simulated recording")
     if not mark.is_file() or mark.read_text(encoding="ascii").strip() != key:
         raise ConfigError(
             f"--reuse {source}: its images are of another scenario; only the imu section may differ"
         )
+
+
+def _link(source: Path, folder: Path) -> None:
     for file in (source / "mav0").glob("*0/data/*.*"):
         target = folder / file.relative_to(source)
         target.parent.mkdir(parents=True, exist_ok=True)

@@ -48,6 +48,7 @@ def test_a_recording_and_its_sheet(
         (("kaist_like", "--set", "seed"), "give a key and a value as KEY=VALUE"),
         (("kaist_like", "--route", "missing.tum"), "missing.tum: no such trajectory file"),
         (("kaist_like", "--only-preview"), "needs --preview"),
+        (("demo", "--reuse", "missing"), "--reuse missing: no such folder"),
     ],
 )
 def test_bad_input_is_one_sentence(

@@ -257,6 +257,10 @@ def test_what_a_shortcut_gave_is_refused_under_its_name() -> None:
         ("name.first", "x", "name"),
         ("backend", "5", "--set: backend is 5"),
         ("", "5", "unknown key ''"),
+        ("window", "15", "unknown key 'window': did you mean 'backend.window'?"),
+        ("T_truth_imu", "3", "did you mean 'dataset.T_truth_imu'?"),
+        ("given.loosening", "3", "did you mean 'initialization.given'?"),
+        ("source", "file", "did you mean 'priors.source'"),
         ("frontend.max_track_length", "40", "backend.window holds only 20"),
     ],
 )
