@@ -13,6 +13,7 @@ set_thread_environment(1)
 
 import numpy as np  # noqa: E402
 
+from p2gd_fgo.cli.refusing import run_refusing  # noqa: E402
 from p2gd_fgo.geometry import so3  # noqa: E402
 from p2gd_fgo.imu import integrate  # noqa: E402
 from p2gd_fgo.simulation.imu_errors import synthesize  # noqa: E402
@@ -84,4 +85,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_refusing(main)
