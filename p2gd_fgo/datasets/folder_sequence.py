@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Self
 
+from p2gd_fgo.config.models import DatasetConfig
 from p2gd_fgo.datasets.base import Calibration, EncodedImage
 from p2gd_fgo.datasets.images import check_size, decode_grey
-from p2gd_fgo.datasets.masks import MaskFolder
+from p2gd_fgo.datasets.masks import MaskFolder, configured_masks
+from p2gd_fgo.datasets.part import choose_part
 from p2gd_fgo.errors import DataError
 from p2gd_fgo.types import Event, Image, ImuBatch, IntArray, Truth
 
@@ -34,6 +37,38 @@ class FolderSequence:
     truth: Truth | None
     events: tuple[Event, ...]
     masks: MaskFolder | None = None
+
+    @classmethod
+    def of_part(
+        cls,
+        folder: Path,
+        calibration: Calibration,
+        stamps_ns: IntArray,
+        paths: list[Path],
+        imu: ImuBatch,
+        truth: Truth | None,
+        config: DatasetConfig,
+        max_gap_s: float,
+        events: tuple[Event, ...],
+    ) -> Self:
+        """The part that the configuration asks for, of all that was read.
+
+        Raises
+        ------
+        DataError
+            As :func:`p2gd_fgo.datasets.part.choose_part`; masks that can't be used.
+        """
+        part = choose_part(stamps_ns, imu, truth, calibration.time_offset_s, config, max_gap_s)
+        return cls(
+            name=folder.resolve().name,
+            calibration=calibration,
+            image_stamps_ns=stamps_ns[part.chosen],
+            image_paths=tuple(paths[part.chosen]),
+            masks=configured_masks(config, paths[part.chosen], calibration.camera),
+            imu=part.imu,
+            truth=part.truth,
+            events=(*events, *part.events),
+        )
 
     def image(self, index: int) -> Image:
         """Decode image ``index`` as (H, W) grey, 16-bit files by their upper 8 bits.

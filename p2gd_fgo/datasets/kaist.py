@@ -32,8 +32,6 @@ from p2gd_fgo.datasets.folder_sequence import FolderSequence, check_first_image
 from p2gd_fgo.datasets.images import decode_raw
 from p2gd_fgo.datasets.imu_samples import imu_from_table
 from p2gd_fgo.datasets.integrity import increasing_order
-from p2gd_fgo.datasets.masks import configured_masks
-from p2gd_fgo.datasets.part import choose_part
 from p2gd_fgo.datasets.poses import ordered_trajectory, poses_from_matrices
 from p2gd_fgo.errors import DataError
 from p2gd_fgo.geometry import pose
@@ -97,17 +95,10 @@ def open_kaist(folder: Path, config: DatasetConfig, max_gap_s: float) -> KaistSe
     check_first_image(KaistSequence, paths, calibration)
     imu, imu_events = imu_from_table(_imu_table(folder), _GYRO, _ACCEL)
     truth, truth_events = _truth(folder / "global_pose.csv", T_vehicle_imu)
-    part = choose_part(stamps, imu, truth, calibration.time_offset_s, config, max_gap_s)
-    return KaistSequence(
-        name=folder.resolve().name,
-        calibration=calibration,
-        image_stamps_ns=stamps[part.chosen],
-        image_paths=tuple(paths[part.chosen]),
-        masks=configured_masks(config, paths[part.chosen], calibration.camera),
-        imu=part.imu,
-        truth=part.truth,
-        events=(*image_events, *imu_events, *truth_events, *part.events),
-    )
+    return KaistSequence.of_part(
+        folder, calibration, stamps, paths, imu, truth, config, max_gap_s,
+        (*image_events, *imu_events, *truth_events),
+    )  # fmt: skip
 
 
 def _calibration(folder: Path, T_vehicle_imu: FloatArray, config: DatasetConfig) -> Calibration:

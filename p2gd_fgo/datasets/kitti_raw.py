@@ -23,8 +23,6 @@ from p2gd_fgo.datasets.images import decode_grey
 from p2gd_fgo.datasets.imu_samples import imu_from_table
 from p2gd_fgo.datasets.integrity import increasing_order
 from p2gd_fgo.datasets.kitti_calibration import FILES, load_kitti_calibration
-from p2gd_fgo.datasets.masks import configured_masks
-from p2gd_fgo.datasets.part import choose_part
 from p2gd_fgo.datasets.poses import check_finite, ordered_trajectory
 from p2gd_fgo.errors import DataError
 from p2gd_fgo.geometry import pose, so3
@@ -71,17 +69,10 @@ def open_kitti_raw(folder: Path, config: DatasetConfig, max_gap_s: float) -> Kit
     table = _oxts(folder / "oxts")
     imu, imu_events = imu_from_table(table, _GYRO, _ACCEL)
     truth, truth_events = _truth(table)
-    part = choose_part(stamps, imu, truth, calibration.time_offset_s, config, max_gap_s)
-    return KittiRawSequence(
-        name=folder.resolve().name,
-        calibration=calibration,
-        image_stamps_ns=stamps[part.chosen],
-        image_paths=tuple(paths[part.chosen]),
-        masks=configured_masks(config, paths[part.chosen], calibration.camera),
-        imu=part.imu,
-        truth=part.truth,
-        events=(*image_events, *imu_events, *truth_events, *part.events),
-    )
+    return KittiRawSequence.of_part(
+        folder, calibration, stamps, paths, imu, truth, config, max_gap_s,
+        (*image_events, *imu_events, *truth_events),
+    )  # fmt: skip
 
 
 def _calibration(

@@ -18,8 +18,6 @@ from p2gd_fgo.datasets.calibration_files import find_calibration, load_calibrati
 from p2gd_fgo.datasets.folder_sequence import FolderSequence, check_first_image
 from p2gd_fgo.datasets.imu_samples import imu_from_table
 from p2gd_fgo.datasets.integrity import increasing_order
-from p2gd_fgo.datasets.masks import configured_masks
-from p2gd_fgo.datasets.part import choose_part
 from p2gd_fgo.datasets.poses import ordered_trajectory, poses_from_quaternions, truth_frame
 from p2gd_fgo.datasets.seconds_tables import read_seconds_list, read_seconds_table
 from p2gd_fgo.errors import DataError
@@ -58,17 +56,10 @@ def open_tum(folder: Path, config: DatasetConfig, max_gap_s: float) -> TumSequen
     check_first_image(TumSequence, paths, calibration)
     imu, imu_events = imu_from_table(read_seconds_table(folder / "imu.txt", _IMU_WIDTH), 0, 3)
     truth, truth_events = _truth(folder / "groundtruth.txt", config)
-    part = choose_part(stamps, imu, truth, calibration.time_offset_s, config, max_gap_s)
-    return TumSequence(
-        name=folder.resolve().name,
-        calibration=calibration,
-        image_stamps_ns=stamps[part.chosen],
-        image_paths=tuple(paths[part.chosen]),
-        masks=configured_masks(config, paths[part.chosen], calibration.camera),
-        imu=part.imu,
-        truth=part.truth,
-        events=(*image_events, *imu_events, *truth_events, *part.events),
-    )
+    return TumSequence.of_part(
+        folder, calibration, stamps, paths, imu, truth, config, max_gap_s,
+        (*image_events, *imu_events, *truth_events),
+    )  # fmt: skip
 
 
 def _calibration(folder: Path, config: DatasetConfig) -> Calibration:
