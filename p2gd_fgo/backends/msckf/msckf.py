@@ -6,6 +6,7 @@ from collections import Counter
 
 import numpy as np
 from numpy.linalg import LinAlgError
+from scipy.linalg import solve_triangular
 
 from p2gd_fgo.backends.msckf.measurement import (
     Sensor,
@@ -19,7 +20,7 @@ from p2gd_fgo.backends.msckf.measurement import (
 )
 from p2gd_fgo.backends.msckf.propagation import propagate
 from p2gd_fgo.backends.msckf.standstill import relative_pose, relative_pose_jacobian
-from p2gd_fgo.backends.msckf.state import FilterState, Poses
+from p2gd_fgo.backends.msckf.state import FilterState, Poses, largest_turn
 from p2gd_fgo.backends.msckf.tracks import Sightings, TrackTable
 from p2gd_fgo.backends.msckf.triangulation import LEAST_DEPTH_M, camera_poses, triangulate
 from p2gd_fgo.backends.msckf.update import gate, root, updated
@@ -39,6 +40,9 @@ from p2gd_fgo.types import (
     Observations,
     Trajectory,
 )
+
+_MOST_ROUNDS = 6
+_SMALL_TURN = 1e-3  # rad; the next round would see the points where this one does
 
 
 class Msckf:
@@ -74,6 +78,7 @@ class Msckf:
         self._sensor = Sensor(calibration.camera, calibration.T_imu_cam, config.pixel_noise_px)
         self._tracks = TrackTable(config.window)
         self._started = False
+        self._hole_ns: int | None = None  # the last image before an interval with a hole
         self._left: list[tuple[int, FloatArray]] = []
         self._counts: Counter[str] = Counter()
 
@@ -84,6 +89,8 @@ class Msckf:
 
     def propagate(self, imu: ImuBatch, unknown: UnknownMotion | None = None) -> NavState:
         """Predict the next image's state; the last image's pose stays behind as a clone."""
+        if unknown is not None:
+            self._hole_ns = self._state.stamps_ns[-1]
         self._state = propagate(
             self._state, imu, self._noise, self._gravity, fej=self._config.fej, unknown=unknown
         )
@@ -133,39 +140,100 @@ class Msckf:
         return dict(self._counts) | {"in_window": held}
 
     def _correct(self, due: Sightings, *, still: bool) -> None:
-        """One Kalman update with the points of all tracks that are due."""
-        with self._timer.stage("triangulate"):
-            due, points = self._triangulated(due)
-        L = root(self._state.covariance)
-        Z, r = np.zeros((0, len(L))), np.zeros(0)
-        if len(due):
-            with self._timer.stage("linearize"):
-                poses, at = self._state.poses, self._linearization()
-                points_at = carried(points, due, poses, at)
-                H_x, H_f = jacobians(due, points_at, at, self._sensor)
-                Q = orthonormal_columns(H_f, due)
-                rows = without_point(times_root(H_x, due, L), Q, due)
-                r_all = residuals(due, points, poses, self._sensor)
-                r_all = without_point(r_all[..., None], Q, due)[..., 0]
-            with self._timer.stage("gate"):
-                passed = gate(rows, r_all, due, self._config.gate_probability)
-                self._count(due, ~passed, "rejected_chi_square")
-                self._count(due, passed, "used")
-                used = passed[due.track]
-                Z, r = rows[used].reshape(-1, len(L)), r_all[used].ravel()
+        """One Kalman update with the points of all tracks that are due.
+
+        As long as a hole in the IMU lies in the window, the prediction may be turned by tens of
+        degrees. Then the update is linearised where all tracks say that the images were taken,
+        those that are not due yet too.
+        """
+        prior = self._state
+        L = root(prior.covariance)
+        if self._hole_ns is not None and self._hole_ns >= prior.stamps_ns[0]:
+            self._relinearize(prior, L, due.with_others(self._tracks.held(len(prior))))
+        self._step(prior, L, due, still=still)
+
+    def _relinearize(self, prior: FilterState, L: FloatArray, tracks: Sightings) -> None:
+        """Move to the iterated update by these tracks, of which nothing else remains."""
+        counts = self._counts.copy()
+        for k in range(_MOST_ROUNDS):
+            self._state = self._state.begun_anew()
+            if self._step(prior, L, tracks, far_off=k == 0) < _SMALL_TURN:
+                break
+        self._state = self._state.begun_anew()
+        self._counts = counts
+
+    def _step(
+        self,
+        prior: FilterState,
+        L: FloatArray,
+        due: Sightings,
+        *,
+        still: bool = False,
+        far_off: bool = False,
+    ) -> float:
+        """``prior`` updated with what is linearised at the state of now, which it replaces.
+
+        Parameters
+        ----------
+        L
+            Root of the prior's covariance.
+        far_off
+            The state of now is not good enough to tell an outlier by its pixels.
+
+        Returns
+        -------
+        float
+            The largest turn of a pose, rad, against the state of before.
+        """
+        moved, L_here = prior.moved_to(self._state, L)
+        already = solve_triangular(L, moved, lower=True, check_finite=False)
+        Z, r = self._rows(due, L_here, already, far_off=far_off)
         if still and len(self._state) >= 3:
-            Z_still, r_still = self._hold_still(L)
+            Z_still, r_still = self._hold_still(L_here)
+            r_still = r_still + Z_still @ already
             Z, r = np.concatenate([Z, Z_still]), np.concatenate([r, r_still])
-        if len(r):
-            with self._timer.stage("solve"):
-                self._state = self._state.corrected(*self._posterior(L, Z, r))
+        if len(r) == 0:
+            self._state = prior
+            return 0.0
+        with self._timer.stage("solve"):
+            error, covariance = self._posterior(L_here, Z, r)
+            step = error - moved
+            self._state = self._state.corrected(step, covariance)
+        return largest_turn(step)
+
+    def _rows(
+        self, due: Sightings, L: FloatArray, already: FloatArray, *, far_off: bool
+    ) -> tuple[FloatArray, FloatArray]:
+        """Z (k, n) and r (k,) of the tracks that pass, r against the prior.
+
+        The state of now lies L times ``already`` (n,) from the prior.
+        """
+        with self._timer.stage("triangulate"):
+            due, points = self._triangulated(due, far_off=far_off)
+        if len(due) == 0:
+            return np.zeros((0, len(L))), np.zeros(0)
+        with self._timer.stage("linearize"):
+            poses, at = self._state.poses, self._linearization()
+            points_at = carried(points, due, poses, at)
+            H_x, H_f = jacobians(due, points_at, at, self._sensor)
+            Q = orthonormal_columns(H_f, due)
+            rows = without_point(times_root(H_x, due, L), Q, due)
+            r = residuals(due, points, poses, self._sensor)
+            r = without_point(r[..., None], Q, due)[..., 0]
+            r += rows @ already
+        with self._timer.stage("gate"):
+            passed = gate(rows, r, due, self._config.gate_probability)
+            self._count(due, ~passed, "rejected_chi_square")
+            self._count(due, passed, "used")
+            used = passed[due.track]
+        return rows[used].reshape(-1, len(L)), r[used].ravel()
 
     def _posterior(
         self, L: FloatArray, Z: FloatArray, r: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         return updated(L, Z, r)
 
-    def _triangulated(self, due: Sightings) -> tuple[Sightings, FloatArray]:
+    def _triangulated(self, due: Sightings, *, far_off: bool) -> tuple[Sightings, FloatArray]:
         """The tracks that may be used, and their points (M, 3); the others are counted."""
         c = self._config
         single = due.lengths < 2
@@ -198,7 +266,7 @@ class Msckf:
                 return due, position
         off = np.linalg.norm(residuals(due, position, self._state.poses, self._sensor), axis=1)
         worst_px = np.maximum.reduceat(off, due.starts) * self._sensor.pixel_noise_px
-        close = worst_px < c.outlier_px
+        close = far_off | (worst_px < c.outlier_px)
         self._count(due, ~close, "rejected_outlier")
         return due.select(close), position[close]
 

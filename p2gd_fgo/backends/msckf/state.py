@@ -147,6 +147,37 @@ class FilterState:
             covariance=covariance,
         )
 
+    def moved_to(self, other: FilterState, L: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The error with which ``corrected`` gives the other's numbers, and L as seen from there.
+
+        Parameters
+        ----------
+        L
+            (6 N + 9, 6 N + 9), what takes white errors to those of this state.
+
+        Returns
+        -------
+        tuple[FloatArray, FloatArray]
+            (6 N + 9,), and J L with J = J_r of each pose's turn, the identity elsewhere.
+        """
+        if other is self:
+            return np.zeros(len(L)), L
+        turn = so3.log(np.swapaxes(self.poses.R, -1, -2) @ other.poses.R)
+        poses = np.concatenate([turn, other.poses.p - self.poses.p], axis=1)
+        motion = (
+            other.velocity - self.velocity,
+            other.gyro_bias - self.gyro_bias,
+            other.accel_bias - self.accel_bias,
+        )
+        there = L.copy()
+        rows = there[:-MOTION_DIM].reshape(-1, POSE_DIM, len(L))
+        rows[:, :3] = so3.right_jacobian(turn) @ rows[:, :3]
+        return np.concatenate([poses.ravel(), *motion]), there
+
+    def begun_anew(self) -> FilterState:
+        """With the estimates of now as the first ones."""
+        return replace(self, first_poses=self.poses, first_velocity=self.velocity)
+
     def without_oldest(self) -> FilterState:
         """The oldest image's pose marginalised: its rows and columns go."""
         return replace(
@@ -156,6 +187,12 @@ class FilterState:
             first_poses=Poses(self.first_poses.R[1:], self.first_poses.p[1:]),
             covariance=self.covariance[POSE_DIM:, POSE_DIM:],
         )
+
+
+def largest_turn(error: FloatArray) -> float:
+    """Rad, of the poses in an error (6 N + 9,)."""
+    turns = error[:-MOTION_DIM].reshape(-1, POSE_DIM)[:, :3]
+    return float(np.linalg.norm(turns, axis=1).max())
 
 
 def _with(poses: Poses, R: FloatArray, p: FloatArray) -> Poses:

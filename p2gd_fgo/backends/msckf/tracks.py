@@ -94,6 +94,10 @@ class TrackTable:
         self._ids, self._first, self._normalized = ids, first, normalized
         return lost
 
+    def held(self, end: int) -> Sightings:
+        """All tracks, which stay; ``end`` is the place after their last image."""
+        return Sightings.of_table(self._normalized, self._first, end)
+
     def take_all(self, end: int) -> Sightings:
         """Remove and return all tracks; ``end`` is the place after their last image."""
         return self._take(np.ones(len(self._ids), dtype=bool), end)

@@ -64,3 +64,18 @@ def test_marginalising_the_oldest_image_leaves_all_else() -> None:
     np.testing.assert_array_equal(rest.covariance, state.covariance[6:, 6:])
     np.testing.assert_array_equal(rest.newest_covariance(), state.newest_covariance())
     np.testing.assert_array_equal(rest.trajectory().T_world_imu, state.trajectory().T_world_imu[1:])
+
+
+def test_an_error_about_one_state_is_seen_from_another() -> None:
+    rng = np.random.default_rng(3)
+    state = filter_state(rng, 3)
+    size = len(state.covariance)
+    error = 0.3 * rng.normal(size=size)
+    other = state.corrected(error, state.covariance)
+    found, there = state.moved_to(other, np.eye(size))
+    np.testing.assert_allclose(found, error, atol=1e-12)
+    small = 1e-6 * rng.normal(size=size)
+    beside = state.corrected(error + small, state.covariance)
+    np.testing.assert_allclose(other.moved_to(beside, np.eye(size))[0], there @ small, atol=1e-11)
+    nothing, same = state.moved_to(state, there)
+    assert not nothing.any() and same is there
