@@ -99,7 +99,7 @@ class ImuConfig(Model):
         2.0, description="m/s², 1 sigma, of the acceleration in a hole against a straight line"
     )
     gap_sigma_rate_deg: Positive = Field(
-        10.0, description="deg/s, 1 sigma, of the rotation rate in a hole against a straight line"
+        60.0, description="deg/s, 1 sigma, of the rotation rate in a hole against a straight line"
     )
 
 
