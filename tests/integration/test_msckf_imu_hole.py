@@ -47,6 +47,7 @@ def test_a_swing_in_a_hole_is_found_and_covered(seed: int, fej: bool) -> None:
     clean = run(healthy, recording, seed)
     faulty = holed(recording)
     backend = msckf(faulty, Bridging, fej=fej)
+    assert isinstance(backend, Bridging)
     backend.holed = faulty.imu
     result = run(backend, faulty, seed)
     assert result.position_error.max() < 2.0 * clean.position_error.max()
