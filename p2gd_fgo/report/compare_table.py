@@ -14,7 +14,7 @@ from rich.text import Text
 
 from p2gd_fgo.evaluation.metrics import Metrics
 from p2gd_fgo.evaluation.tracking_quality import TrackingQuality
-from p2gd_fgo.report.layout import NONE, fixed, pairs
+from p2gd_fgo.report.layout import fitting, fixed, pairs
 from p2gd_fgo.report.tables import ALIGNMENT_MEANING
 
 FULL_WIDTH = 120
@@ -114,9 +114,9 @@ def _accuracy(
     kind = _alignment(runs)
     percent = [(run.metrics.ate_percent if run.metrics else None) or math.nan for run in runs]
     return [
-        ("ATE\nm", _short([rmse(run, kind) for run in runs], 4)),
+        ("ATE\nm", _short([rmse(run, kind) for run in runs])),
         ("%\npath", _short(percent)),
-        ("orig.\nm", _short([rmse(run, "origin") for run in runs], 4)),
+        ("orig.\nm", _short([rmse(run, "origin") for run in runs])),
         ("ARE\n°", _short([rmse(run, kind, angle=True) for run in runs])),
         *((f"RTE %\n{n:g} m", _short([rte(run, n) for run in runs])) for n in rte_lengths),
     ]
@@ -174,11 +174,6 @@ def _rte_lengths(runs: Sequence[ComparedRun]) -> list[float]:
     return sorted({n for n in lengths if n in (_RTE_LENGTH_M, lengths[-1])})
 
 
-def _short(values: Sequence[float], decimals: int = 3) -> list[str]:
-    """Three significant digits each, these decimals at most: runs may be worlds apart."""
-    return [
-        fixed(v, min(max(2 - math.floor(math.log10(v)), 0), decimals))
-        if 0.0 < v < math.inf
-        else NONE
-        for v in values
-    ]
+def _short(values: Sequence[float]) -> list[str]:
+    """A column of numbers; with more decimals 120 columns of text hold no row."""
+    return fitting(values, most=4)
