@@ -153,7 +153,7 @@ def _row(collection: Collection, each: Compared) -> tuple[Cell, ...]:
     p = found.p_value
     return (
         words(collection.against(each.method, each.base)),
-        words(f"{each.measure.label} {each.measure.unit}".strip()),
+        words(_with_unit(each.measure)),
         Cell(count(found.whole).parts, f"{missing} missing" if missing else ""),
         count(found.routes),
         Cell((measured(found.a.rms, shown),)),
@@ -164,6 +164,10 @@ def _row(collection: Collection, each: Compared) -> tuple[Cell, ...]:
         Cell((number(better, 0),)),
         Cell((Part(str(routes), float(routes)),)) if routes else words(NONE),
     )
+
+
+def _with_unit(chosen: Measure) -> str:
+    return f"{chosen.label} [{chosen.unit}]" if chosen.unit else chosen.label
 
 
 def change_cell(effect: Effect | None) -> Cell:

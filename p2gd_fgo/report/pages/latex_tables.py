@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from p2gd_fgo.report.pages.table_model import Cell, Column, ReportTable, repeats
 from p2gd_fgo.report.pages.text_tables import column_widths, fitting_columns
 
-WIDTH = 84  # letters of footnotesize across an article's page
+WIDTHS = {"footnotesize": 75, "scriptsize": 85}  # letters across an article's page
 _ONE_COLUMN = 56  # of a page of two columns
 _GUTTER = 2  # letters between two columns
 _MOST_LINES = 43  # of a page, its caption above them
@@ -35,35 +35,39 @@ def latex_table(table: ReportTable) -> str:
 
     A table too wide for a page continues below itself, one too long in further environments.
     """
-    parts = fitting_columns(table, WIDTH, _GUTTER)
-    room = (_MOST_LINES - len(parts) * (_HEAD_LINES + len(table.summary))) / len(parts)
-    chunks = list(_chunks(table, max(room, 1.0)))
+    parts, size = min(
+        ((fitting_columns(table, width, _GUTTER), size) for size, width in WIDTHS.items()),
+        key=lambda found: len(found[0]),
+    )
+    lines = _MOST_LINES / len(parts) - _HEAD_LINES
+    chunks = list(_chunks(table, max(lines, 1.0)))
     found = []
     for number, rows in enumerate(chunks):
         last = number == len(chunks) - 1
         bodies = [_tabular(table, columns, rows, summary=last) for columns in parts]
-        found.append(_environment(table, bodies, continued=number > 0))
+        found.append(_environment(table, size, bodies, continued=number > 0))
     return "\n".join(found)
 
 
 def _chunks(table: ReportTable, room: float) -> Iterator[range]:
-    """Rows of each environment, so many lines; those under one name stay together if they can."""
+    """Rows of each environment; those under one name stay together, the summary with the last."""
     starts = [k for k in range(len(table.rows)) if not repeats(table.rows, k)]
     gap = _BLOCK_GAP if len(starts) < len(table.rows) else 0.0
     start, lines = 0, 0.0
     for first, end in itertools.pairwise([*starts, len(table.rows)]):
-        if lines + gap + end - first > room and first > start:
+        tail = len(table.summary) if end == len(table.rows) else 0
+        if lines + gap + end - first + tail > room and first > start:
             yield range(start, first)
             start, lines = first, 0.0
-        while end - start > room and start >= first:
-            cut = start + max(int(room), 1)
+        while end - start + tail > room and start >= first and end - start > 1:
+            cut = start + max(min(int(room), end - start - 1), 1)
             yield range(start, cut)
             start = cut
         lines += gap + end - max(first, start)
     yield range(start, len(table.rows))
 
 
-def _environment(table: ReportTable, bodies: Sequence[str], *, continued: bool) -> str:
+def _environment(table: ReportTable, size: str, bodies: Sequence[str], *, continued: bool) -> str:
     title, label = latex(table.title), f"tab:{table.key}"
     caption = rf"\caption{{{title}. {latex(' '.join((table.caption, *table.notes)))}}}"
     marks = [caption, rf"\label{{{label}}}"]
@@ -75,7 +79,7 @@ def _environment(table: ReportTable, bodies: Sequence[str], *, continued: bool) 
         rf"\begin{{{name}}}[{'t' if wide else 'tb'}]",
         r"\centering",
         *marks,
-        r"\footnotesize",
+        rf"\{size}",
         r"\setlength{\tabcolsep}{4pt}",
         "\n\n\\medskip\n".join(bodies),
         rf"\end{{{name}}}",

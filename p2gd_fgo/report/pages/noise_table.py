@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from p2gd_fgo.evaluation.measures import Measure, measure
-from p2gd_fgo.report.layout import decimals
+from p2gd_fgo.report.layout import NONE, decimals
 from p2gd_fgo.report.pages.collection import Collection, Method, Route
 from p2gd_fgo.report.pages.table_model import (
     Cell,
@@ -141,7 +141,7 @@ class _Errors:
     def change(self, method: Method, reference: Method | None) -> Cell:
         """Percent of the reference's mean."""
         if reference is None or method == reference:
-            return Cell((Part(""), Part("")))
+            return Cell((Part(NONE), Part(NONE)))
         pairs = zip(self.of(method), self.of(reference), strict=True)
         return Cell(tuple(number(100.0 * (a / b - 1.0), 0, sign=True) for a, b in pairs))
 
