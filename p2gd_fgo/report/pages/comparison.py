@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from p2gd_fgo.evaluation.bootstrap import Effect
+from p2gd_fgo.evaluation.bootstrap import MIN_ROUTES, Effect
 from p2gd_fgo.evaluation.claims import span
 from p2gd_fgo.evaluation.measures import Measure, counts, measure
 from p2gd_fgo.evaluation.paired import ASKED_CHANGE, ASKED_POWER, Comparison
@@ -31,6 +31,11 @@ from p2gd_fgo.run_record import RunRecord
 _EXPLAINING = ("mean_length", "total_parallax", "features", "frame_ms")
 _SEEDS_ASKED = 3
 _METHODS_IN_WORDS = 3
+_INTERVAL_NOTES = (
+    f"Routes needed: to show a change of {100 * ASKED_CHANGE:+.0f} % with "
+    f"{100 * ASKED_POWER:.0f} % power and {_SEEDS_ASKED} seeds each.".replace("-", "−"),
+    "Many intervals stand here: of twenty without any effect one excludes zero by chance.",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,9 +141,7 @@ def comparison_table(
     alone = sum({(c.base, c.method): c.alone for c in compared}.values())
     notes = (
         *([f"{alone} runs have no partner on the other side and are in no pair."] if alone else []),
-        f"Routes needed: to show a change of {100 * ASKED_CHANGE:+.0f} % with "
-        f"{100 * ASKED_POWER:.0f} % power and {_SEEDS_ASKED} seeds each.".replace("-", "−"),
-        "Many intervals stand here: of twenty without any effect one excludes zero by chance.",
+        *(_INTERVAL_NOTES if any(c.found.routes >= MIN_ROUTES for c in compared) else ()),
     )
     return ReportTable("paired", "Paired comparison", caption, columns, tuple(rows), notes=notes)
 

@@ -20,6 +20,7 @@ from p2gd_fgo.report.pages.links import file_name, relative_url
 from p2gd_fgo.report.pages.table_model import Cell, Column, ReportTable
 
 _DOTS = 2  # image pixels per CSS pixel
+_INTERVAL = re.compile(r"\[[^\]]*\]")
 _UNIT = re.compile(r" (°|%|m|ms|s|\d+)$")
 
 
@@ -73,7 +74,7 @@ def write_html(report: Report, page: Path, figures: Path | None) -> None:
         trim_blocks=True,
         undefined=StrictUndefined,
     )
-    environment.filters["with_unit"] = _with_unit
+    environment.filters |= {"with_unit": _with_unit, "unbroken": _unbroken}
     if figures is not None:
         figures.mkdir(parents=True, exist_ok=True)
     sections = [_section(section, page, figures) for section in report.sections]
@@ -84,6 +85,12 @@ def write_html(report: Report, page: Path, figures: Path | None) -> None:
 def _with_unit(name: str) -> str:
     """A heading whose unit stays on the line of what it is of."""
     return _UNIT.sub("\N{NO-BREAK SPACE}\\1", name)
+
+
+def _unbroken(sentence: str) -> str:
+    """A sentence whose intervals and percentages stay on one line."""
+    kept = _INTERVAL.sub(lambda found: found[0].replace(" ", "\N{NO-BREAK SPACE}"), sentence)
+    return kept.replace(" %", "\N{NO-BREAK SPACE}%")
 
 
 def _section(section: Section, page: Path, figures: Path | None) -> _Section:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from p2gd_fgo.report.pages.collection import Collection, Method
@@ -45,8 +44,3 @@ def styles(collection: Collection) -> dict[Method, Style]:
 
 def _without(method: Method, axis: int | None) -> tuple[object, ...]:
     return tuple(label for k, label in enumerate(method) if k != axis)
-
-
-def drawn(methods: Sequence[Method], most: int) -> tuple[Method, ...]:
-    """The methods of a figure that takes so many lines at most: the first ones."""
-    return tuple(methods[:most])
