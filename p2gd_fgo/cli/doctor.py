@@ -47,7 +47,8 @@ def doctor(
 ) -> None:  # fmt: skip
     """Say whether a recording is fit to run, and what is wrong with it if it isn't.
 
-    Exit code 0: fit, with warnings or without; 1: not fit; 2: it can't be opened.
+    Exit code 0: fit, with warnings or without; 1: not fit, or too little data to judge; 2: it
+    can't be opened.
     """
     made = make_config(target, config, settings)
     if picture is not None and (picture.suffix != ".png" or not picture.parent.is_dir()):
@@ -57,7 +58,7 @@ def doctor(
         typer.echo(json.dumps(report.to_json(), indent=2))
     else:
         _print(report)
-    if report.verdict == "not fit to run":
+    if report.verdict in ("not fit to run", "too little data to judge"):
         raise typer.Exit(1)
 
 

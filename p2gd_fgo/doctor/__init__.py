@@ -7,12 +7,13 @@ rotation; see docs/doctor.md for every check, its threshold and where that comes
 from __future__ import annotations
 
 from p2gd_fgo.doctor.examine import Examination, examine
-from p2gd_fgo.doctor.report import FIT, FIT_WITH_WARNINGS, NOT_FIT, Finding, Report
+from p2gd_fgo.doctor.report import FIT, FIT_WITH_WARNINGS, NOT_FIT, TOO_LITTLE, Finding, Report
 
 __all__ = [
     "FIT",
     "FIT_WITH_WARNINGS",
     "NOT_FIT",
+    "TOO_LITTLE",
     "Examination",
     "Finding",
     "Report",

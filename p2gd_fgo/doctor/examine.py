@@ -15,7 +15,7 @@ from p2gd_fgo.doctor.intervals import GyroIntegral
 from p2gd_fgo.doctor.lens import check_lens
 from p2gd_fgo.doctor.motion import check_motion
 from p2gd_fgo.doctor.report import Finding, Report
-from p2gd_fgo.doctor.stamps import check_stamps
+from p2gd_fgo.doctor.stamps import check_stamps, enough_data
 from p2gd_fgo.doctor.stretches import choose_stretches
 
 
@@ -42,7 +42,9 @@ def examine(
         Called with images done and images in all.
     """
     begin = time.perf_counter()
+    amount = enough_data(sequence, config.backend.window)
     findings = [
+        amount,
         *check_stamps(sequence, config),
         *check_inertial(sequence, config),
         *check_lens(sequence.calibration.camera),
@@ -53,7 +55,8 @@ def examine(
     findings += check_images(sample)
     factor = _accel_factor(findings, config.imu.gravity)
     findings += check_motion(sequence, config, gyro, sample, factor)
-    report = Report(sequence.name, tuple(findings), time.perf_counter() - begin)
+    enough = amount.status == "ok"
+    report = Report(sequence.name, tuple(findings), time.perf_counter() - begin, enough)
     return Examination(report, sample.example)
 
 

@@ -11,6 +11,7 @@ Value = float | int | str | bool | None
 FIT = "fit to run"
 FIT_WITH_WARNINGS = "fit to run, with warnings"
 NOT_FIT = "not fit to run"
+TOO_LITTLE = "too little data to judge"
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,18 +57,23 @@ class Report:
         In the order in which they were made.
     seconds
         Wall time that it took.
+    enough
+        Whether there is enough data for a verdict.
     """
 
     name: str
     findings: tuple[Finding, ...]
     seconds: float
+    enough: bool = True
 
     @property
     def verdict(self) -> str:
-        """One of :data:`FIT`, :data:`FIT_WITH_WARNINGS`, :data:`NOT_FIT`."""
+        """One of :data:`FIT`, :data:`FIT_WITH_WARNINGS`, :data:`TOO_LITTLE`, :data:`NOT_FIT`."""
         statuses = {finding.status for finding in self.findings}
         if "fault" in statuses:
             return NOT_FIT
+        if not self.enough:
+            return TOO_LITTLE
         return FIT_WITH_WARNINGS if "warning" in statuses else FIT
 
     @property

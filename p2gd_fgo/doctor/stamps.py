@@ -122,6 +122,24 @@ def _overlap(sequence: Sequence) -> Finding:
     )
 
 
+def enough_data(sequence: Sequence, window: int) -> Finding:
+    """Whether there are images and IMU for the back end's window; ``undetermined`` where not."""
+    offset_ns = round(sequence.calibration.time_offset_s * NANOSECONDS)
+    stamps = sequence.image_stamps_ns + offset_ns
+    imu = sequence.imu.stamps_ns
+    inside = stamps[(stamps >= imu[0]) & (stamps <= imu[-1])]
+    seconds = float(inside[-1] - inside[0]) / NANOSECONDS if len(inside) else 0.0
+    few = len(inside) < window
+    return Finding(
+        "amount of data",
+        "undetermined" if few else "ok",
+        f"{len(inside)} images with IMU in {seconds:.3g} s",
+        f"≥ {window} images, one window (backend.window)",
+        "give a longer recording, or a longer part of it (dataset.duration_s)" if few else "",
+        data={"images": len(inside), "seconds": seconds},
+    )
+
+
 def _mended(sequence: Sequence) -> list[Finding]:
     """Findings about what the reader mended and this room doesn't measure itself."""
     known = ("imu_gap", "images_outside_imu")

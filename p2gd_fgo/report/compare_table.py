@@ -14,13 +14,14 @@ from rich.text import Text
 
 from p2gd_fgo.evaluation.metrics import Metrics
 from p2gd_fgo.evaluation.tracking_quality import TrackingQuality
-from p2gd_fgo.report.layout import NONE, fixed, pairs
+from p2gd_fgo.report.layout import fitting, fixed, pairs
 from p2gd_fgo.report.tables import ALIGNMENT_MEANING
 
 FULL_WIDTH = 120
 """Columns of text that all of a row may need."""
 
 _RTE_LENGTH_M = 10.0
+_DECIMALS = 3  # at most: a row has 120 letters
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,20 +115,27 @@ def _accuracy(
     kind = _alignment(runs)
     percent = [(run.metrics.ate_percent if run.metrics else None) or math.nan for run in runs]
     return [
-        ("ATE\nm", _short([rmse(run, kind) for run in runs], 4)),
-        ("%\npath", _short(percent)),
-        ("orig.\nm", _short([rmse(run, "origin") for run in runs], 4)),
-        ("ARE\n°", _short([rmse(run, kind, angle=True) for run in runs])),
-        *((f"RTE %\n{n:g} m", _short([rte(run, n) for run in runs])) for n in rte_lengths),
+        ("ATE\nm", fitting([rmse(run, kind) for run in runs], 4)),
+        ("%\npath", fitting(percent, _DECIMALS)),
+        ("orig.\nm", fitting([rmse(run, "origin") for run in runs], 4)),
+        ("ARE\n°", fitting([rmse(run, kind, angle=True) for run in runs], _DECIMALS)),
+        *(
+            (f"RTE %\n{n:g} m", fitting([rte(run, n) for run in runs], _DECIMALS))
+            for n in rte_lengths
+        ),
     ]
 
 
 def _tracking(runs: Sequence[ComparedRun]) -> list[tuple[str, list[str]]]:
     known = [run.tracking for run in runs]
+    two_view = [t.two_view_parallax_deg if t else math.nan for t in known]
     return [
         ("length\nimages", [fixed(t.mean_length if t else math.nan, 2) for t in known]),
-        ("2-view\n°", _short([t.two_view_parallax_deg if t else math.nan for t in known])),
-        ("total\n°", _short([t.total_parallax_deg if t else math.nan for t in known])),
+        (
+            "2-view\n°",
+            fitting(two_view, _DECIMALS),
+        ),
+        ("total\n°", fitting([t.total_parallax_deg if t else math.nan for t in known], _DECIMALS)),
         ("once\n%", [fixed(100.0 * t.single_frame_share if t else math.nan, 1) for t in known]),
         ("feat.\n/img", [fixed(t.features_per_frame if t else math.nan, 1) for t in known]),
     ]
@@ -172,13 +180,3 @@ def _rte_lengths(runs: Sequence[ComparedRun]) -> list[float]:
     known = [run.metrics.accuracy.rte for run in runs if run.metrics and run.metrics.accuracy]
     lengths = sorted({entry.length_m for entries in known for entry in entries})
     return sorted({n for n in lengths if n in (_RTE_LENGTH_M, lengths[-1])})
-
-
-def _short(values: Sequence[float], decimals: int = 3) -> list[str]:
-    """Three significant digits each, these decimals at most: runs may be worlds apart."""
-    return [
-        fixed(v, min(max(2 - math.floor(math.log10(v)), 0), decimals))
-        if 0.0 < v < math.inf
-        else NONE
-        for v in values
-    ]

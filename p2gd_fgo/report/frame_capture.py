@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from p2gd_fgo.config import Config
-from p2gd_fgo.datasets import Sequence
+from p2gd_fgo.datasets import Sequence, load_mask
 from p2gd_fgo.distribution.base import Explanation
 from p2gd_fgo.frontend import CellQuotas
 from p2gd_fgo.geometry.camera import Camera
@@ -46,6 +47,8 @@ class Snapshot:
         Of P2GD, where it ran.
     reason
         Why it did not.
+    masked
+        (height, width) where a mask lets no feature be, None without a mask.
     """
 
     index: int
@@ -57,6 +60,7 @@ class Snapshot:
     quotas: IntArray | None
     explanation: Explanation | None
     reason: str
+    masked: BoolArray | None = None
 
 
 class FrameCapture:
@@ -81,6 +85,9 @@ class FrameCapture:
         """Remember when the recording begins, and through which lens."""
         self.camera: Camera = sequence.calibration.camera
         self.config = config
+        self._sequence = sequence
+        static = config.dataset.mask
+        self._mask = load_mask(Path(static), self.camera) if static is not None else None
         self._stamps_ns = sequence.image_stamps_ns
         self._newest_id = -1
         self._started = False
@@ -128,7 +135,13 @@ class FrameCapture:
             selection.quotas if isinstance(selection, CellQuotas) else None,
             decision.explanation,
             reason,
+            self._masked(index),
         )
+
+    def _masked(self, index: int) -> BoolArray | None:
+        """What the recording's mask of the image or the mask of all images covers."""
+        masks = [m for m in (self._mask, self._sequence.mask(index)) if m is not None]
+        return np.any([mask == 0 for mask in masks], axis=0) if masks else None
 
 
 class Observers:

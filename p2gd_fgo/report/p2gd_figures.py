@@ -28,6 +28,7 @@ _TRIANGULATED, _KEPT, _PATH, _NEW = "#d55e00", "#009e73", "#0072b2", "#f0e442"
 _COLORS = "viridis"
 _IMAGE_IN = (7.4, 3.7)  # largest width and height of an image on the page
 _TOP_VIEW_IN = 5.0
+_MASKED, _HATCH = (0.1, 0.1, 0.15, 0.5), (1.0, 1.0, 1.0, 0.6)
 _OUTLINE = [withStroke(linewidth=2.2, foreground="black")]
 _UNITS = {
     "total_parallax": ("total parallax (°)", 180.0 / np.pi),
@@ -72,14 +73,15 @@ def p2gd_figure(
         in_cells = of_tracks = _scale(max(weights.max(), best))
         _bar(figure, of_tracks, [heat, tracks], f"predicted {unit}")
 
-    _image(heat, snapshot.image)
+    covered = _image(heat, snapshot)
     _cells(heat, snapshot.image, weights, in_cells)
     _quotas(heat, snapshot.image, why.quotas)
     _features(heat, snapshot)
     _caption(
-        heat, f"cell weights (no colour: no 3-D feature) and quotas, {why.quotas.sum()} in all"
+        heat,
+        f"cell weights (no colour: no 3-D feature) and quotas, {why.quotas.sum()} in all{covered}",
     )
-    _image(tracks, snapshot.image)
+    _image(tracks, snapshot)
     _predicted(tracks, why, values, of_tracks)
     _caption(
         tracks,
@@ -97,7 +99,7 @@ def features_figure(path: Path, snapshot: Snapshot, *, title: str, note: str = "
     """
     figure, _ = _page(snapshot.image, title, images=1)
     axes = figure.add_subplot()
-    _image(axes, snapshot.image)
+    covered = _image(axes, snapshot)
     text = "features"
     if note:
         wrapped = textwrap.fill(note, 95)
@@ -107,7 +109,7 @@ def features_figure(path: Path, snapshot: Snapshot, *, title: str, note: str = "
         _quotas(axes, snapshot.image, snapshot.quotas)
         text += f" and quotas, {snapshot.quotas.sum()} in all"
     _features(axes, snapshot)
-    _caption(axes, text)
+    _caption(axes, text + covered)
     _save(figure, path)
 
 
@@ -140,14 +142,28 @@ def _bar(figure: Figure, scale: ScalarMappable, axes: list[Axes], label: str) ->
     bar.outline.set_edgecolor(FRAME)
 
 
-def _image(axes: Axes, image: Image) -> None:
-    """Draw the image, paler, so that what lies over it is seen."""
+def _image(axes: Axes, snapshot: Snapshot) -> str:
+    """Draw the image, paler, so that what lies over it is seen; hatched where a mask covers it.
+
+    The answer is what the caption must say of the mask.
+    """
+    image, masked = snapshot.image, snapshot.masked
     axes.imshow(image, cmap="gray", vmin=-110, vmax=275, interpolation="antialiased")
     axes.set_xlim(-0.5, image.shape[1] - 0.5)
     axes.set_ylim(image.shape[0] - 0.5, -0.5)
     axes.set_xticks([])
     axes.set_yticks([])
     axes.spines[:].set_color(FRAME)
+    if masked is None:
+        return ""
+    shade = np.zeros((*masked.shape, 4))
+    shade[masked] = _MASKED
+    axes.imshow(shade, interpolation="nearest")
+    if masked.any():
+        hatches = axes.contourf(masked, levels=[0.5, 1.5], colors="none", hatches=["////"])
+        hatches.set_edgecolor(_HATCH)
+        hatches.set_linewidth(0.0)
+    return f"; hatched: masked, {100.0 * masked.mean():.0f} % of the image"
 
 
 def _cells(axes: Axes, image: Image, weights: FloatArray, scale: ScalarMappable | None) -> None:

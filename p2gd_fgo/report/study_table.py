@@ -14,11 +14,12 @@ from rich.table import Table
 from rich.text import Text
 
 from p2gd_fgo.errors import ConfigError
-from p2gd_fgo.evaluation.claims import claim, span
+from p2gd_fgo.evaluation.claims import span
 from p2gd_fgo.evaluation.measures import Measure, counts, measure
 from p2gd_fgo.evaluation.record_pairs import Contrast, compare_records, select
-from p2gd_fgo.report.layout import NONE, fixed
+from p2gd_fgo.report.layout import NONE, decimals, fitting, fixed, natural, places
 from p2gd_fgo.report.pairing import across_seeds
+from p2gd_fgo.report.statements import Statement, sentences
 from p2gd_fgo.run_record import Label, RunRecord
 
 TABLE_MEASURES = ("ate", "ate_origin", "are", "rte_10")
@@ -27,7 +28,6 @@ TABLE_MEASURES = ("ate", "ate_origin", "are", "rte_10")
 FULL_WIDTH = 100
 _CLAIMED = ("ate", "are")
 _MOST_COLUMNS = 6
-_DECIMALS = {"m": 3, "°": 3, "%": 2}
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +63,7 @@ def study_table(
     names = TABLE_MEASURES if width >= FULL_WIDTH else TABLE_MEASURES[:-1]
     measures = [measure(name) for name in names]
     parts: list[RenderableType] = []
-    claims: list[str] = []
+    statements: list[Statement] = []
     for block in _blocks(records, axis):
         labels = _labels(block.records, axis, baseline)
         contrasts = {
@@ -75,9 +75,11 @@ def study_table(
         parts += ["", Text(block.title, style="italic"), table]
         for (label, name), found in contrasts.items():
             if found is not None and name in _CLAIMED:
+                about = f"{block.title}, {label} against {baseline}"
                 sides = (str(baseline), str(label))
-                said = claim(found.measure.label, found.overall, sides=sides)
-                claims.append(f"{block.title}, {label}: {said}")
+                statements.append(
+                    Statement(about, found.measure.label, found.overall, "mean", sides)
+                )
     by_route = _route_table(records, measures[0])
     if by_route is not None:
         heading = f"{measures[0].label} {measures[0].unit} by route, mean over seeds"
@@ -86,7 +88,7 @@ def study_table(
         Rule(f"{axis}, compared with {baseline}", align="left", style="dim"),
         Text(_legend(records), style="dim"),
         *parts,
-        *(Text(f"• {line}") for line in claims),
+        *(Text(f"• {line}") for line in sentences(statements)),
     )
 
 
@@ -134,15 +136,17 @@ def _table(
     table.add_column("runs", justify="right", no_wrap=True)
     for m in measures:
         table.add_column(f"{m.label} {m.unit}", justify="right", no_wrap=True)
-    for label in labels:
-        runs = select(block.records, {axis: label})
+    chosen = {label: select(block.records, {axis: label}) for label in labels}
+    values = {m.name: fitting([_mean(chosen[label], m) for label in labels]) for m in measures}
+    for k, label in enumerate(labels):
+        runs = chosen[label]
         cells: list[Text | str] = [Text(str(label)), f"{sum(map(counts, runs))}/{len(runs)}"]
         for m in measures:
             found = contrasts.get((label, m.name))
             effect = found.overall.effects.get("mean") if found else None
             said = span(effect).removesuffix(" [?, ?]") if effect else ""
             change = Text(f"\n{said}" if said else "", style="dim")
-            cells.append(Text.assemble(_mean(runs, m), change))
+            cells.append(Text.assemble(values[m.name][k], change))
         table.add_row(*cells)
     return table
 
@@ -159,9 +163,16 @@ def _route_table(records: Sequence[RunRecord], chosen: Measure) -> Table | None:
         table.add_column("\n".join(map(str, way)), justify="right")
     for group in dict.fromkeys(record.group for record in records):
         held = [record for record in records if record.group == group]
-        for route in dict.fromkeys(record.route for record in held):
-            runs = [record for record in held if record.route == route]
-            table.add_row(Text(route), *(_mean(_of(runs, names, way), chosen) for way in ways))
+        means = {
+            route: [
+                _mean(_of([r for r in held if r.route == route], names, way), chosen)
+                for way in ways
+            ]
+            for route in sorted({record.route for record in held}, key=natural)
+        }
+        shown = decimals(value for row in means.values() for value in row)
+        for route, row in means.items():
+            table.add_row(Text(route), *(fixed(v, places(v, shown)) for v in row))
         table.add_section()
     return table
 
@@ -172,15 +183,14 @@ def _of(
     return [r for r in records if tuple(r.axes.get(name, NONE) for name in names) == tuple(way)]
 
 
-def _mean(runs: Sequence[RunRecord], chosen: Measure) -> str:
+def _mean(runs: Sequence[RunRecord], chosen: Measure) -> float:
     """Mean over the routes of the means over their seeds."""
     means = []
     for route in dict.fromkeys(run.route for run in runs):
         values = [chosen.of(run) for run in runs if run.route == route]
         known = [value for value in values if math.isfinite(value)]
         means += [sum(known) / len(known)] if known else []
-    mean = sum(means) / len(means) if means else math.nan
-    return fixed(mean, _DECIMALS.get(chosen.unit, 3))
+    return sum(means) / len(means) if means else math.nan
 
 
 def _legend(records: Sequence[RunRecord]) -> str:

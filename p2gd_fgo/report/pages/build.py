@@ -16,6 +16,7 @@ from p2gd_fgo.report.pages.figures import (
     track_lengths_figure,
 )
 from p2gd_fgo.report.pages.measures import main_alignment
+from p2gd_fgo.report.pages.noise_table import noise_table
 from p2gd_fgo.report.pages.overview import Alarm, alarms, facts, runs_table
 from p2gd_fgo.report.pages.paper_tables import (
     absolute_table,
@@ -154,6 +155,7 @@ def _sections(
         ("accuracy", "Accuracy", [], [
             absolute_table(collection, group, baseline, alignment),
             relative_table(collection, group, baseline),
+            noise_table(collection, group, alignment),
         ], lambda: _accuracy_figures(collection, group, alignment)),
         ("episodes", "Where the error is made", [], [
             episode_table(pieces),
@@ -162,7 +164,7 @@ def _sections(
         ("tracking", "Tracking", [], [
             tracking_table(collection, group, baseline),
             per_image_table(collection, group),
-            lengths_table(collection, group),
+            lengths_table(collection, group, baseline),
         ], lambda: [track_lengths_figure(collection, group, looks)]),
         ("runtime", "Time", [], [
             runtime_table(collection, group),

@@ -9,11 +9,13 @@ from functools import cached_property
 
 from p2gd_fgo.errors import ConfigError
 from p2gd_fgo.evaluation.measures import Measure
+from p2gd_fgo.report.layout import natural
 from p2gd_fgo.report.pages.sources import Entry
 from p2gd_fgo.run_record import Label, RunRecord
 
 _ALWAYS_SHOWN = ("backend", "distribution")
-_BASELINE = ("distribution", "grid")
+_COMPARED = "distribution"
+_REFERENCE = "grid"
 Method = tuple[Label, ...]
 """Labels on the method axes."""
 
@@ -47,7 +49,7 @@ class Collection:
         Back end by back end, the grid before what is compared with it, else in the order of
         their first run.
     routes, groups
-        In the order of their first run.
+        Groups in the order of their first run, routes by name within them.
     """
 
     def __init__(self, entries: Sequence[Entry]) -> None:
@@ -55,8 +57,13 @@ class Collection:
         records = [entry.record for entry in entries]
         self.axes = _method_axes(records)
         self.methods = self._ordered(dict.fromkeys(self.method(record) for record in records))
-        self.routes = tuple(dict.fromkeys(Route(r.group, r.route) for r in records))
-        self.groups = tuple(dict.fromkeys(route.group for route in self.routes))
+        self.groups = tuple(dict.fromkeys(record.group for record in records))
+        self.routes = tuple(
+            sorted(
+                dict.fromkeys(Route(r.group, r.route) for r in records),
+                key=lambda route: (self.groups.index(route.group), natural(route.name)),
+            )
+        )
         self.shared = _shared(records, self.axes)
         self._runs: dict[tuple[Route, Method], list[Entry]] = {}
         for entry in entries:
@@ -83,8 +90,7 @@ class Collection:
     def _ordered(self, methods: Iterable[Method]) -> tuple[Method, ...]:
         def rank(method: Method) -> tuple[int, bool]:
             labels = dict(zip(self.axes, method, strict=True))
-            axis, label = _BASELINE
-            return backends.index(labels.get("backend", "")), labels.get(axis) != label
+            return backends.index(labels.get("backend", "")), _REFERENCE not in labels.values()
 
         methods = list(methods)
         backends = [dict(zip(self.axes, m, strict=True)).get("backend", "") for m in methods]
@@ -133,7 +139,8 @@ class Baseline:
 def choose_baseline(collection: Collection, wanted: str | None) -> Baseline | None:
     """The baseline asked for as ``axis=label``, or the grid; None where nothing is to compare.
 
-    Without the grid it is the first label of the first axis with several.
+    The grid may be a label of another axis than ``distribution``, such as the prior poses of a
+    study. Without it the baseline is the first label of the first axis with several.
 
     Raises
     ------
@@ -154,9 +161,9 @@ def choose_baseline(collection: Collection, wanted: str | None) -> Baseline | No
                 f"--baseline {wanted}: no run is of it; give one of {known or 'no axis at all'}"
             )
         return Baseline(axis, found[0])
-    axis, label = _BASELINE
-    if label in labels.get(axis, []) and len(labels[axis]) > 1:
-        return Baseline(axis, label)
+    for axis in dict.fromkeys((_COMPARED, *labels)):
+        if _REFERENCE in labels.get(axis, []) and len(labels[axis]) > 1:
+            return Baseline(axis, _REFERENCE)
     return next((Baseline(a, known[0]) for a, known in labels.items() if len(known) > 1), None)
 
 

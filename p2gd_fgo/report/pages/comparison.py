@@ -6,12 +6,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from p2gd_fgo.evaluation.bootstrap import Effect
-from p2gd_fgo.evaluation.claims import claim, span
+from p2gd_fgo.evaluation.bootstrap import MIN_ROUTES, Effect
+from p2gd_fgo.evaluation.claims import span
 from p2gd_fgo.evaluation.measures import Measure, counts, measure
 from p2gd_fgo.evaluation.paired import ASKED_CHANGE, ASKED_POWER, Comparison
 from p2gd_fgo.evaluation.record_pairs import compare_records, pair_records
-from p2gd_fgo.report.layout import NONE
+from p2gd_fgo.report.layout import NONE, decimals
 from p2gd_fgo.report.pages.collection import Baseline, Collection, Method, counterparts
 from p2gd_fgo.report.pages.measures import rte_lengths
 from p2gd_fgo.report.pages.table_model import (
@@ -20,16 +20,22 @@ from p2gd_fgo.report.pages.table_model import (
     Part,
     ReportTable,
     count,
-    decimals,
+    measured,
     number,
     words,
 )
 from p2gd_fgo.report.pairing import across_seeds
+from p2gd_fgo.report.statements import Statement, sentences
 from p2gd_fgo.run_record import RunRecord
 
 _EXPLAINING = ("mean_length", "total_parallax", "features", "frame_ms")
 _SEEDS_ASKED = 3
 _METHODS_IN_WORDS = 3
+_INTERVAL_NOTES = (
+    f"Routes needed: to show a change of {100 * ASKED_CHANGE:+.0f} % with "
+    f"{100 * ASKED_POWER:.0f} % power and {_SEEDS_ASKED} seeds each.".replace("-", "−"),
+    "Many intervals stand here: of twenty without any effect one excludes zero by chance.",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,16 +94,21 @@ def _fitting(records: Sequence[RunRecord], chosen: Measure) -> list[RunRecord]:
 
 
 def claims(collection: Collection, compared: Sequence[Compared]) -> list[str]:
-    """What may be said of accuracy, a sentence each; of ATE alone where methods are many."""
+    """What may be said of accuracy; of ATE alone where methods are many."""
     several = len({c.method for c in compared}) > _METHODS_IN_WORDS
-    said = []
-    for each in compared:
-        if each.measure.name.startswith("ate" if several else ("ate", "are", "rte")):
-            sides = collection.name(each.base), collection.name(each.method)
-            name = f"{collection.against(each.method, each.base)}, {each.measure.label}"
-            text = claim(name, each.found, "rms", sides=sides)
-            said.append(f"{text}.")
-    return said
+    return sentences(
+        [
+            Statement(
+                collection.against(each.method, each.base),
+                each.measure.label,
+                each.found,
+                "rms",
+                (collection.name(each.base), collection.name(each.method)),
+            )
+            for each in compared
+            if each.measure.name.startswith("ate" if several else ("ate", "are", "rte"))
+        ]
+    )
 
 
 def comparison_table(
@@ -130,16 +141,14 @@ def comparison_table(
     alone = sum({(c.base, c.method): c.alone for c in compared}.values())
     notes = (
         *([f"{alone} runs have no partner on the other side and are in no pair."] if alone else []),
-        f"Routes needed: to show a change of {100 * ASKED_CHANGE:+.0f} % with "
-        f"{100 * ASKED_POWER:.0f} % power and {_SEEDS_ASKED} seeds each.".replace("-", "−"),
-        "Many intervals stand here: of twenty without any effect one excludes zero by chance.",
+        *(_INTERVAL_NOTES if any(c.found.routes >= MIN_ROUTES for c in compared) else ()),
     )
     return ReportTable("paired", "Paired comparison", caption, columns, tuple(rows), notes=notes)
 
 
 def _row(collection: Collection, each: Compared) -> tuple[Cell, ...]:
     found = each.found
-    places = decimals([found.a.rms, found.b.rms])
+    shown = decimals([found.a.rms, found.b.rms])
     missing = found.pairs - found.whole
     needed = found.needed
     routes = needed.routes.get(_SEEDS_ASKED, needed.routes.get(1)) if needed else None
@@ -147,11 +156,11 @@ def _row(collection: Collection, each: Compared) -> tuple[Cell, ...]:
     p = found.p_value
     return (
         words(collection.against(each.method, each.base)),
-        words(f"{each.measure.label} {each.measure.unit}".strip()),
+        words(_with_unit(each.measure)),
         Cell(count(found.whole).parts, f"{missing} missing" if missing else ""),
         count(found.routes),
-        Cell((number(found.a.rms, places),)),
-        Cell((number(found.b.rms, places),)),
+        Cell((measured(found.a.rms, shown),)),
+        Cell((measured(found.b.rms, shown),)),
         change_cell(found.effects.get("rms")),
         change_cell(found.effects.get("mean")),
         Cell((Part(f"{p:.3f}" if p >= 0.001 else "< 0.001", p),)) if p is not None else words(NONE),
@@ -160,11 +169,30 @@ def _row(collection: Collection, each: Compared) -> tuple[Cell, ...]:
     )
 
 
+def _with_unit(chosen: Measure) -> str:
+    return f"{chosen.label} [{chosen.unit}]" if chosen.unit else chosen.label
+
+
 def change_cell(effect: Effect | None) -> Cell:
     """The change with its interval, which below 3 routes there isn't."""
     if effect is None:
         return words(NONE)
-    text = span(effect)
     if not math.isfinite(effect.low):
-        text = f"{text.partition('[')[0].strip()}, no interval"
+        text = f"{span(effect).partition('[')[0].strip()}, no interval"
+    elif effect.kind == "difference":
+        text = _difference(effect)
+    else:
+        text = span(effect)
     return Cell((Part(text, effect.change),))
+
+
+def _difference(effect: Effect) -> str:
+    """With two digits of the interval's half width, and no end that only looks like zero."""
+    ends = [abs(end) for end in (effect.low, effect.high) if end]
+    half = 0.5 * (effect.high - effect.low)
+    shown = [decimals([size]) - less for size, less in ((half, 1), (min(ends, default=half), 2))]
+    change, low, high = (
+        number(value, max(*shown, 0), sign=True).text
+        for value in (effect.change, effect.low, effect.high)
+    )
+    return f"{change} [{low}, {high}]"

@@ -17,6 +17,7 @@ from p2gd_fgo.evaluation.measures import counts
 from p2gd_fgo.evaluation.record_pairs import pair_records
 from p2gd_fgo.evaluation.run_segments import run_segments
 from p2gd_fgo.evaluation.segments import Segment
+from p2gd_fgo.report.layout import decimals
 from p2gd_fgo.report.pages.collection import Baseline, Collection, Method, counterpart
 from p2gd_fgo.report.pages.comparison import change_cell
 from p2gd_fgo.report.pages.sources import Entry
@@ -26,7 +27,7 @@ from p2gd_fgo.report.pages.table_model import (
     Part,
     ReportTable,
     count,
-    decimals,
+    measured,
     number,
     words,
 )
@@ -106,7 +107,7 @@ def largest_table(compared: Sequence[ComparedPieces]) -> ReportTable | None:
     found = [(each.name, pair) for each in compared for pair in largest(each.pairs, _LARGEST)]
     if not found:
         return None
-    places = decimals([v for _, p in found for v in (p.a.translation_m, p.b.translation_m)])
+    shown = decimals([v for _, p in found for v in (p.a.translation_m, p.b.translation_m)])
     rows = [
         (
             words(name),
@@ -115,8 +116,8 @@ def largest_table(compared: Sequence[ComparedPieces]) -> ReportTable | None:
             Cell((number(pair.a.start_s, 0),)),
             words(pair.kind),
             Cell((number(pair.a.turn_deg, 0),)),
-            Cell((number(pair.a.translation_m, places),)),
-            Cell((number(pair.b.translation_m, places),)),
+            Cell((measured(pair.a.translation_m, shown),)),
+            Cell((measured(pair.b.translation_m, shown),)),
         )
         for name, pair in found
     ]
@@ -137,8 +138,8 @@ def largest_table(compared: Sequence[ComparedPieces]) -> ReportTable | None:
 def _row(name: str, row: EpisodeRow, measures: Sequence[str]) -> tuple[Cell, ...]:
     def both(key: str) -> Cell:
         sides = [side.get(key, float("nan")) for side in (row.a, row.b)]
-        places = decimals(sides)
-        return Cell(tuple(number(value, places) for value in sides))
+        shown = decimals(sides)
+        return Cell(tuple(measured(value, shown) for value in sides))
 
     return (
         words(name),

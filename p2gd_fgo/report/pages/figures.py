@@ -6,12 +6,13 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from p2gd_fgo.evaluation.measures import measure
@@ -24,11 +25,12 @@ from p2gd_fgo.run_directory import TRACKS
 from p2gd_fgo.types import FloatArray
 
 SIZE_IN = (5.8, 3.9)
+MOST_METHODS = 8  # that colours and markers tell apart
 _LEGEND_LETTERS = 75  # that fit across a figure
 _BOX_FROM = 5  # fewer values are shown as points alone
-_STAGE_COLORS = {
-    "track": "#4c78a8", "extract": "#72b7b2", "propagate": "#b8b0ac", "distribute": "#e45756",
-    "update": "#f2a541", "other": "#dddddd",
+_STAGES_SHOWN = {  # colour and hatch
+    "track": ("#4c78a8", ""), "extract": ("#72b7b2", "///"), "propagate": ("#8c8582", "..."),
+    "distribute": ("#e45756", "xxx"), "update": ("#f2a541", "\\\\\\"), "other": ("#dddddd", ""),
 }  # fmt: skip
 
 
@@ -59,8 +61,8 @@ def new_figure(height: float = 1.0) -> Figure:
     return figure
 
 
-def legend(figure: Figure, handles: Sequence[Artist], names: Sequence[str]) -> None:
-    """A legend below the axes."""
+def legend(figure: Figure, handles: Sequence[Any], names: Sequence[str]) -> None:
+    """A legend below the axes; a handle is an artist, or a tuple of some drawn over each other."""
     most = max(1, _LEGEND_LETTERS // (max(map(len, names), default=1) + 7))
     rows = math.ceil(len(names) / most)
     shown = figure.legend(
@@ -90,19 +92,8 @@ def rte_figure(
     }
     if not any(found.values()):
         return None
-    figure = new_figure()
-    axes = figure.add_subplot()
-    width = 0.8 / len(methods)
-    for k, method in enumerate(methods):
-        for x in range(len(lengths)):
-            values = np.array(found[method, lengths[x]])
-            _box(axes, x - 0.4 + (k + 0.5) * width, 0.8 * width, values, looks[method])
-    axes.set_xticks(range(len(lengths)), [f"{length:g} m" for length in lengths])
-    axes.set_xlim(-0.5, len(lengths) - 0.5)
-    axes.set_ylim(bottom=0.0)
-    finish(axes, "RTE (%)", "distance on the truth")
-    axes.grid(visible=False, axis="x")
-    _method_legend(figure, methods, looks)
+    draw = _side_by_side if len(methods) <= MOST_METHODS else _below_each_other
+    figure = draw(found, methods, lengths, looks)
     most = max(map(len, found.values()))
     caption = (
         f"Each point is the RTE of one run, {most} for a method at most; no alignment. Boxes from "
@@ -111,11 +102,62 @@ def rte_figure(
     return ReportFigure("rte", "Relative translation error", caption, figure)
 
 
+_Found = Mapping[tuple[Method, float], Sequence[float]]
+_Looks = Mapping[Method, Style]
+
+
+def _side_by_side(
+    found: _Found,
+    methods: Sequence[Method],
+    lengths: Sequence[float],
+    looks: Mapping[Method, Style],
+) -> Figure:
+    """The boxes of each length beside each other, told apart by a legend."""
+    figure = new_figure()
+    axes = figure.add_subplot()
+    width = 0.8 / len(methods)
+    for k, method in enumerate(methods):
+        for x, length in enumerate(lengths):
+            values = np.array(found[method, length])
+            _box(axes, x - 0.4 + (k + 0.5) * width, 0.8 * width, values, looks[method])
+    axes.set_xticks(range(len(lengths)), [f"{length:g} m" for length in lengths])
+    axes.set_xlim(-0.5, len(lengths) - 0.5)
+    axes.set_ylim(bottom=0.0)
+    finish(axes, "RTE (%)", "distance on the truth")
+    axes.grid(visible=False, axis="x")
+    _method_legend(figure, methods, looks)
+    return figure
+
+
+def _below_each_other(
+    found: _Found,
+    methods: Sequence[Method],
+    lengths: Sequence[float],
+    looks: Mapping[Method, Style],
+) -> Figure:
+    """A panel for each length, in it a named row for each method, as of many there are."""
+    figure = new_figure(0.35 + 0.055 * len(methods))
+    panels = figure.subplots(1, len(lengths), sharey=True, squeeze=False)[0]
+    for axes, length in zip(panels, lengths, strict=True):
+        for y, method in enumerate(methods):
+            _box(axes, y, 0.65, np.array(found[method, length]), looks[method], rows=True)
+        axes.set_xlim(left=0.0)
+        finish(axes, "", f"RTE over {length:g} m (%)")
+        axes.grid(visible=False, axis="y")
+    panels[0].set_yticks(range(len(methods)), [looks[m].name for m in methods], fontsize=8)
+    for label in panels[0].get_yticklabels():
+        label.set_parse_math(False)
+    panels[0].set_ylim(len(methods) - 0.4, -0.6)
+    return figure
+
+
 def track_lengths_figure(
     collection: Collection, group: str, looks: Mapping[Method, Style]
 ) -> ReportFigure | None:
     """How many tracks reach which length; None where no run has tracks."""
-    methods = collection.methods_of(group)
+    known = collection.methods_of(group)
+    methods = known[:MOST_METHODS]
+    left_out = f" The first {len(methods)} of {len(known)} methods." if known != methods else ""
     folders = {m: _folders(collection, group, m) for m in methods}
     whole = all(paths and all((p / TRACKS).exists() for p in paths) for paths in folders.values())
     figure = new_figure()
@@ -128,6 +170,8 @@ def track_lengths_figure(
             padded = 100.0 * np.pad(share, (0, longest - len(share)))
             edges = np.arange(longest + 1) + 0.5
             axes.stairs(padded, edges, color=look.color, ls=look.dashes, lw=1.6)
+            middle = np.arange(1, longest + 1)
+            axes.plot(middle, padded, ls="", marker=look.marker, ms=3.2, color=look.color)
         axes.set_xlim(0.5, longest + 0.5)
         axes.set_xticks([1, *range(5, longest + 1, 5)])
         caption = "Percent of all tracks, those alive at the end included, all runs together."
@@ -140,6 +184,7 @@ def track_lengths_figure(
             place = np.arange(len(LENGTHS)) - 0.4 + (k + 0.5) * width
             look = looks[method]
             axes.bar(place, heights, 0.85 * width, fc=_pale(look), ec=look.color, ls=look.dashes)
+            axes.plot(place, heights, ls="", marker=look.marker, ms=3.5, color=look.color)
         axes.set_xticks(range(len(LENGTHS)), map(str, LENGTHS))
         caption = (
             "Percent of all tracks, mean over the runs, at the lengths that are kept of a run."
@@ -152,7 +197,7 @@ def track_lengths_figure(
     finish(axes, "share of tracks (%)", "length (images)")
     _method_legend(figure, methods, looks)
     return ReportFigure(
-        "track_lengths", "Track lengths", f"{caption} Logarithmic above 5 %.", figure
+        "track_lengths", "Track lengths", f"{caption} Logarithmic above 5 %.{left_out}", figure
     )
 
 
@@ -170,7 +215,8 @@ def timing_figure(
         times = stage_times(collection, routes, method)
         total, left = times.pop("frame", 0.0), 0.0
         for stage, ms in (times | {"other": max(total - sum(times.values()), 0.0)}).items():
-            axes.barh(y, ms, 0.7, left=left, color=_STAGE_COLORS[stage], ec="white", lw=0.6)
+            color, hatch = _STAGES_SHOWN[stage]
+            axes.barh(y, ms, 0.7, left=left, fc=color, ec="white", lw=0.6, hatch=hatch)
             left += ms
         axes.text(left, y, f" {left:.1f}", va="center", fontsize=9, color=TEXT)
     axes.set_yticks(range(len(methods)), [looks[method].name for method in methods])
@@ -180,8 +226,10 @@ def timing_figure(
     axes.margins(x=0.1)
     finish(axes, "", "CPU per image (ms)")
     axes.grid(visible=False, axis="y")
-    patches = [Patch(fc=color) for color in _STAGE_COLORS.values()]
-    legend(figure, patches, list(_STAGE_COLORS))
+    patches = [
+        Patch(fc=color, hatch=hatch, ec="white", lw=0.6) for color, hatch in _STAGES_SHOWN.values()
+    ]
+    legend(figure, patches, list(_STAGES_SHOWN))
     caption = (
         "Medians of the stages, mean over the runs; reading the image is left out. Runs that "
         "shared a machine with others are slower than these alone would be."
@@ -189,21 +237,27 @@ def timing_figure(
     return ReportFigure("timing", "Time per image", caption, figure)
 
 
-def _box(axes: Axes, x: float, width: float, values: FloatArray, look: Style) -> None:
+def _box(
+    axes: Axes, x: float, width: float, values: FloatArray, look: Style, *, rows: bool = False
+) -> None:
+    """Box and points at x, or at y = x where methods are ``rows``."""
     boxed = len(values) >= _BOX_FROM
     if boxed:
         line = {"color": look.color, "linestyle": look.dashes, "linewidth": 1.3}
         axes.boxplot(
             values, positions=[x], widths=width, showfliers=False, manage_ticks=False,
+            orientation="horizontal" if rows else "vertical",
             patch_artist=True, whiskerprops=line, capprops=line | {"linestyle": "-"},
             boxprops={"facecolor": _pale(look), "edgecolor": look.color, "linestyle": look.dashes},
             medianprops={"color": look.color, "linewidth": 2.0},
         )  # fmt: skip
     spread = np.linspace(-0.25, 0.25, len(values)) * width if len(values) > 1 else np.zeros(1)
     if len(values):
+        places = x + spread
         axes.plot(
-            x + spread, values, ls="", marker="o", ms=2.2 if boxed else 4.5, mfc=look.color,
-            mec="white", mew=0.3, alpha=0.6 if boxed else 1.0,
+            *((values, places) if rows else (places, values)), ls="", marker=look.marker,
+            ms=2.8 if boxed else 5.0, mfc=look.color, mec="white", mew=0.3,
+            alpha=0.7 if boxed else 1.0,
         )  # fmt: skip
 
 
@@ -211,7 +265,11 @@ def _method_legend(
     figure: Figure, methods: Sequence[Method], looks: Mapping[Method, Style]
 ) -> None:
     handles = [
-        Patch(fc=_pale(looks[m]), ec=looks[m].color, ls=looks[m].dashes, lw=1.3) for m in methods
+        (
+            Patch(fc=_pale(looks[m]), ec=looks[m].color, ls=looks[m].dashes, lw=1.3),
+            Line2D([], [], ls="", marker=looks[m].marker, ms=4.5, color=looks[m].color),
+        )
+        for m in methods
     ]
     legend(figure, handles, [looks[m].name for m in methods])
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+import re
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,6 +20,8 @@ from p2gd_fgo.report.pages.links import file_name, relative_url
 from p2gd_fgo.report.pages.table_model import Cell, Column, ReportTable
 
 _DOTS = 2  # image pixels per CSS pixel
+_INTERVAL = re.compile(r"\[[^\]]*\]")
+_UNIT = re.compile(r" (°|%|m|ms|s|\d+)$")
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,11 +74,23 @@ def write_html(report: Report, page: Path, figures: Path | None) -> None:
         trim_blocks=True,
         undefined=StrictUndefined,
     )
+    environment.filters |= {"with_unit": _with_unit, "unbroken": _unbroken}
     if figures is not None:
         figures.mkdir(parents=True, exist_ok=True)
     sections = [_section(section, page, figures) for section in report.sections]
     template = environment.get_template("report.html.j2")
     write_text(page, template.render(report=report, sections=sections, version=__version__))
+
+
+def _with_unit(name: str) -> str:
+    """A heading whose unit stays on the line of what it is of."""
+    return _UNIT.sub("\N{NO-BREAK SPACE}\\1", name)
+
+
+def _unbroken(sentence: str) -> str:
+    """A sentence whose intervals and percentages stay on one line."""
+    kept = _INTERVAL.sub(lambda found: found[0].replace(" ", "\N{NO-BREAK SPACE}"), sentence)
+    return kept.replace(" %", "\N{NO-BREAK SPACE}%")
 
 
 def _section(section: Section, page: Path, figures: Path | None) -> _Section:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 import os
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from p2gd_fgo.evaluation.measures import WHOLE_RUN, counts, measure
+from p2gd_fgo.report.layout import decimals
 from p2gd_fgo.report.pages.collection import Baseline, Collection
 from p2gd_fgo.report.pages.links import relative_url
 from p2gd_fgo.report.pages.measures import FRAME, completeness, cpu
@@ -20,7 +22,7 @@ from p2gd_fgo.report.pages.table_model import (
     Part,
     ReportTable,
     count,
-    decimals,
+    measured,
     number,
     words,
 )
@@ -47,7 +49,7 @@ def facts(
     states = Counter(sorted((r.status for r in records), key=lambda s: (s != "done", s)))
     share = [v for r in records if math.isfinite(v := completeness(r))]
     found = [
-        ("runs", f"{len(records)}: " + ", ".join(f"{n} {state}" for state, n in states.items())),
+        ("runs", _states(states)),
         ("methods", _listed([collection.name(m) for m in collection.methods])),
         ("sequences", _listed([route.name for route in collection.routes])),
         ("seeds", _listed(sorted({record.seed for record in records}))),
@@ -58,6 +60,11 @@ def facts(
         ("versions", _versions(records)),
     ]
     return [(name, value) for name, value in found if value]
+
+
+def _states(states: Mapping[Any, int]) -> str:
+    text = ", ".join(f"{n} {state}" for state, n in states.items())
+    return text if len(states) == 1 else f"{sum(states.values())}: {text}"
 
 
 def alarms(collection: Collection, remarks: Sequence[str]) -> list[Alarm]:
@@ -105,12 +112,12 @@ def runs_table(collection: Collection, alignment: str, page: Path) -> ReportTabl
     ate = [measure(f"ate_{alignment}").read(r) for r in records]
     are = [measure(f"are_{alignment}").read(r) for r in records]
     frame = [cpu(FRAME).read(r) for r in records]
-    places = decimals(ate), decimals(are), decimals(frame)
+    shown = decimals(ate), decimals(are), decimals(frame)
     several = len(collection.groups) > 1
     reasons = any(record.reason for record in records)
     rows = []
     for entry, record, *numbers in zip(entries, records, ate, are, frame, strict=True):
-        cells = [Cell((number(v, d),)) for v, d in zip(numbers, places, strict=True)]
+        cells = [Cell((measured(v, d),)) for v, d in zip(numbers, shown, strict=True)]
         share = number(100.0 * completeness(record), 1)
         rows.append(
             (
@@ -189,7 +196,9 @@ def _completeness(shares: Sequence[float]) -> str:
     if not shares:
         return ""
     low, middle = 100.0 * min(shares), 100.0 * sorted(shares)[len(shares) // 2]
-    return f"{low:.1f} % of the images at least, {middle:.1f} % in the middle"
+    if f"{low:.1f}" == "100.0":
+        return "an estimate for every image in every run"
+    return f"median {middle:.1f} %, lowest {low:.1f} % of the images have an estimate"
 
 
 def _versions(records: Sequence[RunRecord]) -> str:

@@ -7,14 +7,16 @@ from collections.abc import Mapping, Sequence
 
 from p2gd_fgo.evaluation.measures import Measure, counts, measure
 from p2gd_fgo.evaluation.tracking_quality import LENGTHS
+from p2gd_fgo.report.layout import decimals, places
 from p2gd_fgo.report.pages.collection import Baseline, Collection, Method, Route, counterpart
 from p2gd_fgo.report.pages.measures import FRAME, STAGES, cpu, length_share, rte_lengths
 from p2gd_fgo.report.pages.table_model import (
     Cell,
     Column,
     ReportTable,
-    decimals,
+    best_of,
     mean,
+    measured,
     number,
     rms,
     words,
@@ -22,8 +24,8 @@ from p2gd_fgo.report.pages.table_model import (
 from p2gd_fgo.report.tables import ALIGNMENT_MEANING
 
 _PAIRS_SHOWN = 3
-_SHORTEST_M = 10.0
 _Numbers = tuple[float, ...]
+_Row = tuple[Cell, ...]
 
 
 class _Grid:
@@ -41,6 +43,7 @@ class _Grid:
         }
         known = [m for m in self.methods if any(self._known(route, m) for route in self.routes)]
         self.whole = [r for r in self.routes if all(self._known(r, m) for m in known)]
+        self.lower_is_better = [each.lower_is_better for each in measures]
         count = len(measures)
         self.rms: dict[Method, _Numbers] = {
             method: tuple(rms([self.means[r, method][k] for r in self.whole]) for k in range(count))
@@ -59,14 +62,20 @@ class _Grid:
 
     def cell(self, numbers: _Numbers, mark: str = "") -> Cell:
         parts = zip(numbers, self.decimals, strict=True)
-        return Cell(tuple(number(v, d) for v, d in parts), mark)
+        return Cell(tuple(measured(v, d) for v, d in parts), mark)
 
     def mean_cell(self, route: Route, method: Method) -> Cell:
         return self.cell(self.means[route, method], mark(self.collection, route, method))
 
     def difference(self, a: _Numbers, b: _Numbers) -> Cell:
-        parts = zip(a, b, self.decimals, strict=True)
-        return Cell(tuple(number(x - y, d, sign=True) for x, y, d in parts))
+        """With the decimals of the finer of the two, as they are shown."""
+        shown = [
+            max(places(x, d), places(y, d)) for x, y, d in zip(a, b, self.decimals, strict=True)
+        ]
+        return Cell(tuple(number(x - y, d, sign=True) for x, y, d in zip(a, b, shown, strict=True)))
+
+    def best(self, cells: Sequence[Cell]) -> list[Cell]:
+        return best_of(cells, self.lower_is_better)
 
     @property
     def rms_name(self) -> str:
@@ -111,12 +120,16 @@ def per_image_table(collection: Collection, group: str) -> ReportTable | None:
     return _by_method("per_image", "Tracking per image", what, names, grid, None, "")
 
 
-def lengths_table(collection: Collection, group: str) -> ReportTable | None:
+def lengths_table(
+    collection: Collection, group: str, baseline: Baseline | None
+) -> ReportTable | None:
     """Shares of the tracks with some lengths (paper Tables II and V)."""
     grids = [_Grid(collection, group, [length_share(n)]) for n in LENGTHS]
     heads = [Column(f"{n} image{'s' if n > 1 else ''}") for n in LENGTHS]
     what = "Percent of all tracks that were seen in exactly so many images"
-    return _by_length("lengths", "Tracks by length", what, grids, heads, None)
+    return _by_length(
+        "lengths", "Tracks by length", what, grids, heads, baseline, change="increase"
+    )
 
 
 def relative_table(
@@ -138,7 +151,7 @@ def runtime_table(collection: Collection, group: str) -> ReportTable | None:
     grids = [_Grid(collection, group, [cpu(stage)]) for stage in (*stages, FRAME)]
     heads = [Column(name) for name in (*stages, "whole frame")]
     what = "Median process CPU in ms, reading the image left out"
-    return _by_length("runtime", "Runtime per image", what, grids, heads, None)
+    return _by_length("runtime", "Runtime per image", what, grids, heads, None, marked=False)
 
 
 def _by_method(
@@ -161,7 +174,7 @@ def _by_method(
         changes = [
             grid.difference(*((numbers[base], numbers[other])[::sign])) for base, other in pairs
         ]
-        return (words(head), *cells, *changes)
+        return (words(head), *grid.best(cells), *changes)
 
     rows = []
     for route in grid.routes:
@@ -176,7 +189,7 @@ def _by_method(
         *(Column(name, names) for name in changed),
     )
     return ReportTable(
-        key, title, _caption(what, grid), columns, tuple(rows),
+        key, title, _caption(what, grid, rows), columns, tuple(rows),
         (overall,) if len(grid.routes) > 1 else (), _notes(rows),
     )  # fmt: skip
 
@@ -188,34 +201,37 @@ def _by_length(
     grids: Sequence[_Grid],
     heads: Sequence[Column],
     baseline: Baseline | None,
+    *,
+    change: str = "decrease",
+    marked: bool = True,
 ) -> ReportTable | None:
-    """Rows are routes and methods, columns lengths, stages and the like."""
+    """Rows are routes and methods, columns lengths, stages and the like; the best is marked."""
     shown = [(g, h) for g, h in zip(grids, heads, strict=True) if not g.empty]
     if not shown:
         return None
     grid = shown[0][0]
     collection = grid.collection
-    rows = [
-        (
-            words(route.name),
-            words(collection.name(method)),
-            *(g.mean_cell(route, method) for g, _ in shown),
-        )
-        for route in grid.routes
-        for method in grid.methods
-        if collection.runs(route, method)
-    ]
-    summary = [
-        (words("RMS"), words(collection.name(m)), *(g.cell(g.rms[m]) for g, _ in shown))
-        for m in grid.methods
-    ]
+
+    def block(head: str, methods: Sequence[Method], of: Sequence[Sequence[Cell]]) -> list[_Row]:
+        best = [g.best(c) if marked else c for (g, _), c in zip(shown, of, strict=True)]
+        named = zip(methods, *best, strict=True)
+        return [(words(head), words(collection.name(method)), *cells) for method, *cells in named]
+
+    rows: list[_Row] = []
+    for route in grid.routes:
+        ran = [method for method in grid.methods if collection.runs(route, method)]
+        of_route = [[g.mean_cell(route, method) for method in ran] for g, _ in shown]
+        rows += block(route.name, ran, of_route)
+    overall = [[g.cell(g.rms[m]) for m in grid.methods] for g, _ in shown]
+    summary = block("RMS", grid.methods, overall)
     for base, other in _pairs(collection, grid.methods, baseline):
-        cells = [g.difference(g.rms[base], g.rms[other]) for g, _ in shown]
-        summary.append((words("decrease"), words(collection.name(other)), *cells))
+        a, b = (base, other) if change == "decrease" else (other, base)
+        cells = [g.difference(g.rms[a], g.rms[b]) for g, _ in shown]
+        summary.append((words(change), words(collection.name(other)), *cells))
     several = len(grid.routes) > 1
     columns = (Column("sequence", numeric=False), Column("method", numeric=False))
     return ReportTable(
-        key, title, _caption(what, grid), (*columns, *(h for _, h in shown)), tuple(rows),
+        key, title, _caption(what, grid, rows), (*columns, *(h for _, h in shown)), tuple(rows),
         tuple(summary) if several else (), _notes(rows),
     )  # fmt: skip
 
@@ -231,19 +247,21 @@ def _pairs(
     return pairs if len(pairs) <= _PAIRS_SHOWN else []
 
 
-def _caption(what: str, grid: _Grid) -> str:
+def _caption(what: str, grid: _Grid, rows: Sequence[_Row]) -> str:
     collection = grid.collection
     seeds = [len(collection.runs(r, m)) for r in grid.routes for m in grid.methods]
     runs = [n for n in seeds if n]
     each = f"{min(runs)}" if min(runs) == max(runs) else f"{min(runs)} to {max(runs)}"
     text = f"{what}. {sum(runs)} runs, {each} of each method on each sequence"
     over = " RMS: over the sequences that every method got through." * (len(grid.routes) > 1)
+    if any(part.best for row in rows for cell in row for part in cell.parts):
+        over += " Bold: the best of a sequence."
     if max(runs) == 1:
         return f"{text}: a difference may be chance.{over}"
     return f"{text}; each cell is the mean of those that count.{over}"
 
 
-def _notes(rows: Sequence[Sequence[Cell]]) -> tuple[str, ...]:
+def _notes(rows: Sequence[_Row]) -> tuple[str, ...]:
     if any(cell.mark for row in rows for cell in row):
         return ("(2/3): so many of the runs count; the number is of these alone.",)
     return ()

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from matplotlib.lines import Line2D
 
 from p2gd_fgo.errors import DataError
 from p2gd_fgo.evaluation.evaluate import ErrorSeries, error_series
@@ -19,6 +21,7 @@ from p2gd_fgo.trajectory_files import read_tum
 from p2gd_fgo.types import NANOSECONDS, Trajectory
 
 MOST_LINES = 8
+_MARKERS = 9  # along a line
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,7 +85,7 @@ def trajectory_figure(
     lines = axes.plot(xy[:, 0], xy[:, 1], color=TRUTH, lw=3.4, alpha=0.75)
     for method, errors in drawn.errors.items():
         look, path = looks[method], broken_path(errors.aligned)
-        lines += axes.plot(path[:, 0], path[:, 1], color=look.color, ls=look.dashes, lw=1.2)
+        lines += axes.plot(*path.T, lw=1.2, **_line(look, len(lines), len(path)))
     start = drawn.truth.T_world_imu[0, :2, 3]
     axes.plot(*start, ls="", marker="o", ms=7, mfc="white", mec=TRUTH, mew=1.6)
     axes.set_aspect("equal", adjustable="datalim")
@@ -98,13 +101,12 @@ def error_figure(drawn: DrawnRoute, looks: Mapping[Method, Style], alignment: st
     figure = new_figure(1.1)
     upper, lower = figure.subplots(2, 1, sharex=True)
     start = min(int(errors.reference.stamps_ns[0]) for errors in drawn.errors.values())
-    lines = []
+    lines: list[Line2D] = []
     for method, errors in drawn.errors.items():
         look, stamps = looks[method], errors.reference.stamps_ns
         for axes, values in ((upper, errors.position_m), (lower, errors.rotation_deg)):
-            line = axes.plot(
-                *broken(stamps, values, start), color=look.color, ls=look.dashes, lw=1.2
-            )
+            seconds, shown = broken(stamps, values, start)
+            line = axes.plot(seconds, shown, lw=1.2, **_line(look, len(lines), len(seconds)))
         lines += line
     for axes in (upper, lower):
         axes.set_ylim(bottom=0.0)
@@ -114,6 +116,16 @@ def error_figure(drawn: DrawnRoute, looks: Mapping[Method, Style], alignment: st
     legend(figure, lines, [looks[method].name for method in drawn.errors])
     title = f"Errors over time, {drawn.route.name}"
     return ReportFigure("errors", title, _which(drawn, alignment), figure)
+
+
+def _line(look: Style, number: int, points: int) -> dict[str, Any]:
+    """A line's look; its markers, which tell it apart without colours, lie between the others'."""
+    every = max(points // _MARKERS, 1)
+    return {
+        "color": look.color, "linestyle": look.dashes, "marker": look.marker,
+        "markersize": 4.5, "markerfacecolor": "white", "markeredgewidth": 1.1,
+        "markevery": (number * every // MOST_LINES, every),
+    }  # fmt: skip
 
 
 def _longest_s(drawn: DrawnRoute, start_ns: int) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from p2gd_fgo.report.pages.collection import Collection, Method
@@ -11,16 +10,18 @@ LineStyle = str | tuple[int, tuple[int, ...]]
 
 # Okabe and Ito's colours, told apart by every kind of colour vision.
 _COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8c564b", "#7f7f7f")
+_MARKERS = "os^DvPX*"
 _DASHES: tuple[LineStyle, ...] = ("-", (0, (4, 1)), (0, (1, 1)), (0, (4, 1, 1, 1)))
 
 
 @dataclass(frozen=True, slots=True)
 class Style:
-    """Of a method: name in the legend, colour, dashes."""
+    """Of a method: name in the legend, colour, dashes, and a marker that goes with the colour."""
 
     name: str
     color: str
     dashes: LineStyle
+    marker: str
 
 
 def styles(collection: Collection) -> dict[Method, Style]:
@@ -36,14 +37,10 @@ def styles(collection: Collection) -> dict[Method, Style]:
         k = colors[key]
         dash = backends.index(method[backend]) if both else k // len(_COLORS)  # type: ignore[index]
         name = collection.name(method)
-        found[method] = Style(name, _COLORS[k % len(_COLORS)], _DASHES[dash % len(_DASHES)])
+        look = k % len(_COLORS)
+        found[method] = Style(name, _COLORS[look], _DASHES[dash % len(_DASHES)], _MARKERS[look])
     return found
 
 
 def _without(method: Method, axis: int | None) -> tuple[object, ...]:
     return tuple(label for k, label in enumerate(method) if k != axis)
-
-
-def drawn(methods: Sequence[Method], most: int) -> tuple[Method, ...]:
-    """The methods of a figure that takes so many lines at most: the first ones."""
-    return tuple(methods[:most])

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from p2gd_fgo.report.layout import NONE, fixed
+from p2gd_fgo.report.layout import NONE, fixed, places
 
 MINUS = "−"
-_SIGNIFICANT = 3
-_MOST_DECIMALS = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,11 +25,14 @@ class Part:
         What the page sorts by: numbers before texts, None last.
     href
         Where it leads, a relative URL, or nothing.
+    best
+        Whether it is the best of those that it is compared with, and stands out.
     """
 
     text: str
     order: float | str | None = None
     href: str = ""
+    best: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +106,11 @@ class ReportTable:
         return next((" / ".join(c.parts) for c in self.columns if len(c.parts) > 1), "")
 
 
+def repeats(rows: Sequence[tuple[Cell, ...]], row: int) -> bool:
+    """Whether the first cell of a row says what the one above it does, and need not again."""
+    return row > 0 and rows[row][0] == rows[row - 1][0]
+
+
 def words(text: str, href: str = "") -> Cell:
     """A cell of text."""
     return Cell((Part(text, text, href),))
@@ -123,18 +129,36 @@ def number(value: float, decimals: int, *, sign: bool = False) -> Part:
     return Part(text, value)
 
 
+def best_of(cells: Sequence[Cell], lower_is_better: Sequence[bool | None]) -> list[Cell]:
+    """The cells with the best of each of their values marked; as shown, so that ties all are.
+
+    Parameters
+    ----------
+    cells
+        Of P values each, which are compared with one another.
+    lower_is_better
+        P, None where neither way is.
+    """
+    marked = [list(cell.parts) for cell in cells]
+    for k, lower in enumerate(lower_is_better):
+        known = [p[k] for p in marked if isinstance(p[k].order, float)]
+        if lower is None or len({part.text for part in known}) < 2:
+            continue
+        pick = min if lower else max
+        top = pick(known, key=lambda part: float(part.order or 0.0)).text
+        for parts in marked:
+            parts[k] = replace(parts[k], best=parts[k].text == top)
+    return [replace(cell, parts=tuple(parts)) for cell, parts in zip(cells, marked, strict=True)]
+
+
 def count(value: int) -> Cell:
     """A whole number."""
     return Cell((Part(str(value), float(value)),))
 
 
-def decimals(values: Iterable[float]) -> int:
-    """Decimals, 4 at most, that show three digits of all but the smallest quarter of values."""
-    known = np.array([abs(v) for v in values if math.isfinite(v) and v != 0.0])
-    if len(known) == 0:
-        return 2
-    small = float(np.percentile(known, 25))
-    return min(max(_SIGNIFICANT - 1 - math.floor(math.log10(small)), 0), _MOST_DECIMALS)
+def measured(value: float, column_decimals: int) -> Part:
+    """A number of a column with these decimals, more where the value is much smaller."""
+    return number(value, places(value, column_decimals))
 
 
 def mean(values: Sequence[float]) -> float:

@@ -18,13 +18,9 @@ from p2gd_fgo.evaluation.alignment import ALIGNMENTS
 from p2gd_fgo.report.layout import pairs, title
 from p2gd_fgo.report.pages.build import Report, build_report
 from p2gd_fgo.report.pages.html import write_html
+from p2gd_fgo.report.pages.latex_tables import latex_table
 from p2gd_fgo.report.pages.sources import Found, find_runs
-from p2gd_fgo.report.pages.text_tables import (
-    latex_table,
-    markdown,
-    markdown_table,
-    terminal_table,
-)
+from p2gd_fgo.report.pages.text_tables import markdown, markdown_table, terminal_table
 
 PAGE = "report.html"
 
@@ -136,5 +132,5 @@ def _markdown(report: Report) -> str:
 
 
 def _latex(report: Report) -> str:
-    head = "% Needs \\usepackage{booktabs}.\n"
+    head = "% Needs \\usepackage{booktabs}. Wide tables are table*, for pages of two columns.\n"
     return head + "".join(f"\n{latex_table(t)}" for t in report.tables if t.key != "runs")

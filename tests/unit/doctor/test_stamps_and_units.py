@@ -13,7 +13,7 @@ from p2gd_fgo.doctor import Finding, Report
 from p2gd_fgo.doctor.inertial import check_inertial
 from p2gd_fgo.doctor.lens import check_lens
 from p2gd_fgo.doctor.picture import lens_picture
-from p2gd_fgo.doctor.stamps import check_stamps
+from p2gd_fgo.doctor.stamps import check_stamps, enough_data
 from p2gd_fgo.geometry.camera import EquidistantCamera, RadTanCamera
 
 PINHOLE = (64, 48, 40.0, 41.0, 31.5, 23.5)
@@ -101,6 +101,24 @@ def test_picture_shows_both_images() -> None:
     png = np.frombuffer(lens_picture(np.full((48, 64), 90, np.uint8), camera), np.uint8)
     picture = cv2.imdecode(png, cv2.IMREAD_COLOR)
     assert picture is not None and picture.shape == (48, 2 * 64 + 12, 3)
+
+
+@pytest.mark.parametrize(("images", "status"), [(3, "undetermined"), (20, "ok")])
+def test_fewer_images_than_a_window_are_too_little(
+    tmp_path: Path, images: int, status: str
+) -> None:
+    stamps = [START_NS + k * 100_000_000 for k in range(images)]
+    folder = AslFolder(tmp_path, image_stamps=stamps, imu=imu_rows(count=20 * images))
+    found = enough_data(folder.write().open(), window=20)
+    assert found.status == status and found.data["images"] == images
+    assert f"in {0.1 * (images - 1):.3g} s" in found.value
+
+
+def test_too_little_data_is_no_verdict_but_a_fault_is_one() -> None:
+    warned = (Finding("x", "warning", "", fault="y"),)
+    assert Report("r", warned, 0.0, enough=False).verdict == "too little data to judge"
+    wrong = (*warned, Finding("z", "fault", "", fault="w"))
+    assert Report("r", wrong, 0.0, enough=False).verdict == "not fit to run"
 
 
 @pytest.mark.parametrize(

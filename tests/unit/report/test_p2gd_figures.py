@@ -123,3 +123,28 @@ def test_features_alone(tmp_path: Path) -> None:
         assert 0.0005 < colored(path) < 0.05
     with pytest.raises(ValueError, match="explanation"):
         p2gd_figure(tmp_path / "x.png", snapshot(None), CAMERA, P2gdConfig(), title="t")
+
+
+def test_what_a_mask_covers_is_shaded(tmp_path: Path) -> None:
+    masked = np.zeros((480, 640), np.bool_)
+    masked[240:, :320] = True
+    pictures = []
+    for name, mask in (("without", None), ("with", masked)):
+        path = tmp_path / f"{name}.png"
+        shown = replace(snapshot(None), quotas=None, masked=mask)
+        features_figure(path, shown, title="t")
+        pictures.append(imread(path)[..., :3].mean(axis=-1))
+    low, side = (size // 2 for size in pictures[0].shape)
+    darker = [
+        float((before - after)[rows, columns].mean())
+        for before, after in [pictures]
+        for rows, columns in (
+            (slice(low + 40, -60), slice(20, side - 40)),
+            (slice(60, low - 40), slice(20, side - 40)),
+            (slice(low + 40, -60), slice(side + 40, -20)),
+        )
+    ]
+    assert darker[0] > 0.1 and max(map(abs, darker[1:])) < 0.02
+    whole = replace(snapshot(explanation()), masked=masked)
+    p2gd_figure(tmp_path / "p2gd.png", whole, CAMERA, P2gdConfig(), title="t")
+    assert (tmp_path / "p2gd.png").exists()

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from run_records import metrics, record
 
+from p2gd_fgo.report.layout import decimals, fitting
 from p2gd_fgo.report.pages.collection import Baseline, Collection
 from p2gd_fgo.report.pages.paper_tables import (
     absolute_table,
@@ -17,7 +18,7 @@ from p2gd_fgo.report.pages.paper_tables import (
     tracking_table,
 )
 from p2gd_fgo.report.pages.sources import Entry
-from p2gd_fgo.report.pages.table_model import ReportTable, decimals
+from p2gd_fgo.report.pages.table_model import ReportTable
 from p2gd_fgo.run_record import RunRecord
 
 GRID = Baseline("distribution", "grid")
@@ -72,7 +73,7 @@ def test_relative_errors_by_length() -> None:
     assert table is not None
     assert [c.name for c in table.columns] == ["sequence", "method", "10 m", "50 m", "100 m"]
     rows = texts(table)
-    assert rows[0][:3] == ["one", "grid", "0.100 / 2.500"]
+    assert rows[0][:3] == ["one", "grid", "0.100 / 2.50"]
     assert [row[:2] for row in rows[4:]] == [["RMS", "grid"], ["RMS", "p2gd"], ["decrease", "p2gd"]]
     base, other = (float(row[2].split(" / ")[1]) for row in rows[4:6])
     assert float(rows[6][2].split(" / ")[1]) == pytest.approx(base - other, abs=0.011)
@@ -90,7 +91,7 @@ def test_tracks_rise_where_errors_fall() -> None:
 
 
 def test_shares_and_times() -> None:
-    (row, *_) = texts(lengths_table(collection(runs()), ""))
+    (row, *_) = texts(lengths_table(collection(runs()), "", GRID))
     assert row[:2] == ["one", "grid"]
     assert [float(text) for text in row[2:]] == [35.0, 4.6, 1.6, 0.9, 9.0]
     table = runtime_table(collection(runs()), "")
@@ -133,7 +134,60 @@ def test_no_table_without_truth() -> None:
 @pytest.mark.parametrize(
     ("values", "wanted"),
     [([16.77, 13.22], 1), ([0.0551, 0.0217], 4), ([120.0, 450.0], 0), ([1.5, float("nan")], 2),
-     ([], 2), ([0.0], 2), ([1e-9], 4)],
+     ([], 2), ([0.0], 2), ([1e-9], 6), ([0.0059, 0.0063], 5), ([0.038, 1.1], 3)],
 )  # fmt: skip
 def test_three_digits_are_shown(values: list[float], wanted: int) -> None:
     assert decimals(values) == wanted
+
+
+def test_a_column_of_recordings_worlds_apart_keeps_the_digits_of_each() -> None:
+    assert fitting([0.00591, 3.432, 3.64, 4.11, float("nan"), 0.0]) == [
+        "0.00591", "3.43", "3.64", "4.11", "–", "0.00",
+    ]  # fmt: skip
+    assert fitting([0.0512, 0.171, 0.411, 0.592]) == ["0.051", "0.171", "0.411", "0.592"]
+
+
+def test_the_difference_has_the_digits_of_what_it_is_between() -> None:
+    made = [
+        record("", route, 0, "smoother", kind, metrics(ate, 0.5, 1.0))
+        for route, ates in {"euroc": (0.0059, 0.0067), "a": (3.43, 3.64), "b": (4.1, 3.9)}.items()
+        for kind, ate in zip(("grid", "p2gd"), ates, strict=True)
+    ]
+    rows = {row[0]: row for row in texts(absolute_table(collection(made), "", GRID, "yaw_pos"))}
+    assert [cell.split(" / ")[1] for cell in rows["euroc"][1:]] == [
+        "0.00590",
+        "0.00670",
+        "−0.00080",
+    ]
+    assert [cell.split(" / ")[1] for cell in rows["a"][1:]] == ["3.43", "3.64", "−0.21"]
+
+
+def test_the_best_of_a_sequence_stands_out() -> None:
+    table = absolute_table(collection(runs()), "", GRID, "yaw_pos")
+    assert table is not None and "Bold: the best of a sequence." in table.caption
+    for row in (*table.rows, *table.summary):
+        assert [[p.best for p in cell.parts] for cell in row[1:]] == [
+            [False] * 2,
+            [True] * 2,
+            [False] * 2,
+        ]
+    tracks = tracking_table(collection(runs()), "", GRID)
+    assert tracks is not None
+    for row in tracks.rows:
+        sizes = [[float(part.order or 0.0) for part in cell.parts] for cell in row[1:3]]
+        for k, part in enumerate(row[2].parts):
+            assert part.best == (sizes[1][k] > sizes[0][k])
+    relative = relative_table(collection(runs()), "", GRID)
+    assert relative is not None
+    assert not any(part.best for part in relative.rows[0][2].parts[1:])
+    assert all(part.best for part in relative.rows[1][2].parts[1:])
+
+
+def test_routes_stand_in_the_order_of_their_numbers() -> None:
+    made = [
+        record("", name, 0, "smoother", kind, metrics(1.0, 1.0, 1.0))
+        for name in ("way-10", "way-9", "other-1")
+        for kind in ("grid", "p2gd")
+    ]
+    rows = texts(absolute_table(collection(made), "", GRID, "yaw_pos"))
+    assert [row[0] for row in rows] == ["other-1", "way-9", "way-10", "RMS"]

@@ -51,13 +51,49 @@ def test_an_effect_is_claimed_with_its_interval() -> None:
 def test_no_effect_is_not_claimed() -> None:
     found = collection(made(effects={"grid": 1.0, "p2gd": 1.0}))
     said = claims(found, compare_group(found, "car", GRID, "yaw_pos"))
-    assert "no difference shown" in said[0]
+    assert len(said) == 1 and said[0].startswith("No difference shown, the interval holds zero: ")
+    for name in ("ATE yaw_pos", "ARE yaw_pos", "RTE 10 m", "RTE 50 m", "RTE 100 m"):
+        assert said[0].count(f"{name} ") == 1
+    assert said[0].count("n = 36 over 12 routes") == 1
+
+
+def test_claims_come_first_and_each_reason_is_said_once() -> None:
+    runs = made(noise=0.02) + made(groups=["car"], backends=["msckf"], effects={
+        "grid": 1.0, "p2gd": 1.0
+    })  # fmt: skip
+    found = collection(runs)
+    said = claims(found, compare_group(found, "car", GRID, "yaw_pos"))
+    assert len(said) == 6
+    assert all(text.startswith("smoother: p2gd against grid, ") for text in said[:5])
+    assert "msckf: p2gd against grid (n = 36 over 12 routes): ATE" in said[5]
+
+
+def test_missing_runs_are_in_the_sentence_of_what_is_not_shown() -> None:
+    runs = made(effects={"grid": 1.0, "p2gd": 1.0})
+    runs[1] = replace(runs[1], status="failed", reason="diverged")
+    found = collection(runs)
+    said = claims(found, compare_group(found, "car", GRID, "yaw_pos"))
+    assert len(said) == 1
+    assert "1 of 36 pairs left out, failed or incomplete" in said[0]
+    assert said[0].count("with the worst run in place of those") == 5
+
+
+def test_no_whole_pair_is_said_once() -> None:
+    runs = [
+        replace(r, status="failed", reason="diverged") if r.axes["distribution"] == "p2gd" else r
+        for r in made()
+    ]
+    found = collection(runs)
+    said = claims(found, compare_group(found, "car", GRID, "yaw_pos"))
+    assert len(said) == 1 and said[0].startswith("Nothing to compare, no pair is whole: ")
 
 
 def test_one_route_gives_no_claim_however_many_seeds() -> None:
     found = collection(made(routes=1, seeds=20, noise=0.01))
     compared = compare_group(found, "car", GRID, "yaw_pos")
-    assert all("no claim" in said for said in claims(found, compared))
+    said = claims(found, compared)
+    assert len(said) == 1 and said[0].startswith("No claim, below 3 routes there is no interval: ")
+    assert "n = 20 over 1 route)" in said[0] and "[" not in said[0]
     table = comparison_table(found, compared, "yaw_pos")
     assert table is not None and "no interval" in table.rows[0][6].text
 
@@ -80,8 +116,10 @@ def test_a_route_too_short_for_a_length_is_no_failure() -> None:
     runs = [replace(r, metrics=short) if r.route == "car-200" else r for r in runs]
     found = collection(runs)
     said = claims(found, compare_group(found, "car", GRID, "yaw_pos"))
-    assert "n = 4 over 4 routes" in said[2] and "RTE 10 m" in said[2]
-    assert "n = 3 over 3 routes" in said[4] and "RTE 100 m" in said[4]
+    (size,) = (re.findall(r"n = \d over \d routes", text) for text in said[-1:])
+    assert size == ["n = 4 over 4 routes", "n = 3 over 3 routes"]
+    whole, fewer = said[-1].split("n = 3 over 3 routes")
+    assert "RTE 10 m" in whole and "RTE 100 m" in fewer and "RTE 10 m" not in fewer
     assert not any("left out" in text for text in said)
 
 
@@ -103,7 +141,8 @@ def test_many_methods_are_claimed_by_ate_alone() -> None:
     many = {"grid": 1.0} | dict.fromkeys(("p2gd", "anms", "quadtree", "uniform_random"), 1.0)
     found = collection(made(effects=many, routes=4, seeds=1))
     said = claims(found, compare_group(found, "car", GRID, "yaw_pos"))
-    assert len(said) == 4 and all("ATE" in text for text in said)
+    assert len(said) == 1 and said[0].count("ATE yaw_pos") == 4
+    assert "ARE" not in said[0] and "RTE" not in said[0]
 
 
 def piece(index: int, error_m: float, turn_deg: float) -> dict[str, Any]:
@@ -188,4 +227,4 @@ def test_the_table_of_a_study_has_it_in_every_block() -> None:
     for backend in ("smoother", "msckf"):
         block = text.partition(f"car · backend {backend}\n")[2].partition("\n\n")[0]
         assert re.search(r"Peer +3/3 .*\n +\+\d", block), block
-        assert f"car · backend {backend}, Peer: ATE +" in text
+        assert f"• car · backend {backend}, Peer against grid, ATE +" in text

@@ -152,8 +152,9 @@ def test_a_study_of_two_presets_in_all_forms(tmp_path: Path) -> None:
         assert f"Accuracy: {group}" in page.text
     latex = tex.read_text()
     assert (
-        latex.count(r"\begin{table}")
-        == latex.count(r"\end{table}")
+        latex.count(r"\label{tab:")
+        == len(re.findall(r"\\begin\{table\*?\}", latex))
+        == len(re.findall(r"\\end\{table\*?\}", latex))
         == len(written.report.tables) - 1
     )
     labels = re.findall(r"\\label\{(.+?)\}", latex)

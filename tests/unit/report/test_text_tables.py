@@ -1,4 +1,4 @@
-"""Names from configurations and paths stay text in Markdown, in LaTeX and in the terminal."""
+"""Names from configurations and paths stay text in Markdown and in the terminal."""
 
 from __future__ import annotations
 
@@ -16,13 +16,7 @@ from p2gd_fgo.report.pages.table_model import (
     number,
     words,
 )
-from p2gd_fgo.report.pages.text_tables import (
-    latex,
-    latex_table,
-    markdown,
-    markdown_table,
-    terminal_table,
-)
+from p2gd_fgo.report.pages.text_tables import markdown, markdown_table, terminal_table
 
 NASTY = r"a|b_c & 50 % <script>alert(1)</script> `x` *y* $z$ {w} ~ ^ # \n [red]q[/red]"
 
@@ -35,42 +29,6 @@ def table(name: str = "grid", rows: int = 2) -> ReportTable:
         tuple((words(name), cell, Cell((Part("0.01", 0.01),))) for _ in range(rows)),
         ((words("RMS"), cell, words("–")),), (f"A note on {name}.",),
     )  # fmt: skip
-
-
-def test_latex_has_the_papers_layout() -> None:
-    lines = latex_table(table()).splitlines()
-    assert lines[4:8] == [
-        r"\begin{tabular}{lrr}",
-        r"\toprule",
-        r"& \multicolumn{1}{c}{ARE $^\circ$ / ATE m} & \\",
-        r"\cmidrule(lr){2-2}",
-    ]
-    assert r"grid & 1.50 / $-$2.00 (2/3) & 0.01 \\" in lines
-    assert lines[-4].startswith("RMS & 1.50") and lines[-5] == r"\midrule"
-    assert lines[-3:] == [r"\bottomrule", r"\end{tabular}", r"\end{table}"]
-
-
-def test_latex_of_nasty_names_is_balanced_and_keeps_its_columns() -> None:
-    text = latex_table(table(NASTY))
-    bare = re.sub(r"\\[\\{}$&%#_]", "", text)
-    assert bare.count("{") == bare.count("}")
-    assert not re.search(r"[#_~^]", bare.replace(r"$^\circ$", ""))
-    assert "%" not in bare
-    rows = [line for line in text.splitlines() if line.endswith(r" \\")]
-    assert {len(re.findall(r"(?<!\\)&", row)) for row in rows} == {2}
-    for row in rows:
-        assert not row.startswith("[")
-
-
-@pytest.mark.parametrize(
-    ("text", "wanted"),
-    [
-        ("a_b", r"a\_b"), ("50 %", r"50 \%"), ("a&b", r"a\&b"), ("\\x", r"\textbackslash{}x"),
-        ("−1 ≥ 2°", r"$-$1 $\geq$ 2$^\circ$"), ("[x]", "{[}x{]}"), ("a\nb", "a b"),
-    ],
-)  # fmt: skip
-def test_latex_escapes(text: str, wanted: str) -> None:
-    assert latex(text) == wanted
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,20 @@
 "use strict";
+// A first cell that says what the one above it says is not shown again.
+const fold = (body) => {
+  const first = (row) => row.cells[0].textContent;
+  Array.from(body.rows).forEach((row, k, rows) => {
+    row.classList.toggle("same", k > 0 && first(row) === first(rows[k - 1]));
+  });
+};
+// A table that goes on to the right fades there.
+for (const box of document.querySelectorAll(".scroll")) {
+  const look = () => {
+    box.classList.toggle("more", box.scrollLeft + box.clientWidth < box.scrollWidth - 2);
+  };
+  box.addEventListener("scroll", look, { passive: true });
+  window.addEventListener("resize", look);
+  look();
+}
 for (const table of document.querySelectorAll("table.sortable")) {
   const body = table.querySelector("tbody.rows");
   const value = (row, column) => {
@@ -25,6 +41,7 @@ for (const table of document.querySelectorAll("table.sortable")) {
         return down && Number.isFinite(order) ? -order : order;
       });
       body.append(...rows.map(([, row]) => row));
+      fold(body);
     });
   }
 }
