@@ -255,12 +255,6 @@ class MsckfConfig(Model):
     """The multi-state constraint Kalman filter."""
 
     fej: bool = Field(False, description="first-estimate Jacobians; off for cars, as in the paper")
-    look_ahead: int = Field(
-        20,
-        ge=0,
-        description="tracks, the longest, due or not, that say where an update is linearised; 0: "
-        "at the prediction, as in the textbook; not with fej",
-    )
     min_track_length: int = Field(3, ge=2, description="sightings; shorter tracks are not used")
     refinement_steps: int = Field(
         3, ge=0, le=20, description="of Gauss-Newton on each point, after the linear solution"

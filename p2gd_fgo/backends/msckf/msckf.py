@@ -142,29 +142,22 @@ class Msckf:
     def _correct(self, due: Sightings, *, still: bool) -> None:
         """One Kalman update with the points of all tracks that are due.
 
-        It is linearised where tracks that are not due yet say that the images were taken, too:
-        the filter learns scale from nothing where its positions are not those that it ends with.
         As long as a hole in the IMU lies in the window, the prediction may be turned by tens of
-        degrees; then by all tracks, and iterated.
+        degrees. Then the update is linearised where all tracks say that the images were taken,
+        those that are not due yet too.
         """
         prior = self._state
         L = root(prior.covariance)
-        seen = due.with_others(self._tracks.held(len(prior)))
         if self._hole_ns is not None and self._hole_ns >= prior.stamps_ns[0]:
-            self._relinearize(prior, L, seen, _MOST_ROUNDS)
-        elif not self._config.fej and self._config.look_ahead:
-            self._relinearize(prior, L, seen.longest(self._config.look_ahead), 1)
+            self._relinearize(prior, L, due.with_others(self._tracks.held(len(prior))))
         self._step(prior, L, due, still=still)
 
-    def _relinearize(
-        self, prior: FilterState, L: FloatArray, tracks: Sightings, rounds: int
-    ) -> None:
+    def _relinearize(self, prior: FilterState, L: FloatArray, tracks: Sightings) -> None:
         """Move to the iterated update by these tracks, of which nothing else remains."""
         counts = self._counts.copy()
-        for k in range(rounds):
+        for k in range(_MOST_ROUNDS):
             self._state = self._state.begun_anew()
-            far_off = k == 0 and rounds > 1
-            if self._step(prior, L, tracks, far_off=far_off) < _SMALL_TURN:
+            if self._step(prior, L, tracks, far_off=k == 0) < _SMALL_TURN:
                 break
         self._state = self._state.begun_anew()
         self._counts = counts

@@ -59,14 +59,6 @@ class Sightings:
         rows = keep[self.track]
         return self._made(self.normalized[rows], self.view[rows], self.lengths[keep])
 
-    def longest(self, number: int) -> Sightings:
-        """The tracks with the most sightings, ``number`` of them at most."""
-        if len(self) <= number:
-            return self
-        keep = np.zeros(len(self), dtype=bool)
-        keep[np.argsort(-self.lengths, kind="stable")[:number]] = True
-        return self.select(keep)
-
     def with_others(self, others: Sightings) -> Sightings:
         """These tracks, then the others."""
         return self._made(
