@@ -22,8 +22,8 @@ from p2gd_fgo.cli.options import read_settings
 from p2gd_fgo.cli.refusing import run_refusing
 from p2gd_fgo.config import load_config, override
 from p2gd_fgo.datasets import Sequence, open_sequence
-from p2gd_fgo.errors import EstimatorError, InitializationError
-from p2gd_fgo.geometry.pose import interpolate
+from p2gd_fgo.errors import ConfigError, EstimatorError, InitializationError
+from p2gd_fgo.geometry.pose import covered, interpolate
 from p2gd_fgo.odometry import Odometry
 from p2gd_fgo.types import NANOSECONDS, Estimate, FloatArray, NavState
 
@@ -86,9 +86,12 @@ def start_error(sequence: Sequence, first: Estimate) -> tuple[float, float, floa
     """True speed, error of the speed, angle between the verticals, NEES of v and tilt (5)."""
     state: NavState = first.state
     half = NANOSECONDS // 20
-    T = truth_at(sequence, [state.stamp_ns - half, state.stamp_ns, state.stamp_ns + half])
+    around = [state.stamp_ns - half, state.stamp_ns, state.stamp_ns + half]
     truth = sequence.truth
     assert truth is not None
+    if not covered(truth.trajectory, np.array(around)).all():
+        return np.nan, np.nan, np.nan, np.nan
+    T = truth_at(sequence, around)
     velocity = (T[2, :3, 3] - T[0, :3, 3]) / (2 * half / NANOSECONDS)
     if truth.velocity is not None:
         at = int(np.argmin(np.abs(truth.trajectory.stamps_ns - state.stamp_ns)))
@@ -115,6 +118,12 @@ def start_error(sequence: Sequence, first: Estimate) -> tuple[float, float, floa
 
 def path_scale(sequence: Sequence, estimates: list[Estimate]) -> float:
     """Estimated over true spread of the positions: the last seconds that lead anywhere."""
+    truth = sequence.truth
+    assert truth is not None
+    known = covered(truth.trajectory, np.array([e.state.stamp_ns for e in estimates]))
+    estimates = [e for e, k in zip(estimates, known.tolist(), strict=True) if k]
+    if not estimates:
+        return np.nan
     stamps = [e.state.stamp_ns for e in estimates]
     true = truth_at(sequence, stamps)[:, :3, 3]
     ours = np.array([e.state.T_world_imu[:3, 3] for e in estimates])
@@ -127,6 +136,20 @@ def path_scale(sequence: Sequence, estimates: list[Estimate]) -> float:
     return float("nan")
 
 
+def read_starts(text: str) -> list[float]:
+    """Seconds of ``--starts 0,3.5``."""
+    try:
+        starts = [float(part) for part in text.split(",")]
+    except ValueError:
+        starts = [float("nan")]
+    if not all(0.0 <= start < float("inf") for start in starts):
+        raise ConfigError(
+            f"--starts {text}: give seconds from the recording's beginning, not negative and "
+            "separated by commas, such as 0,3.5,9"
+        )
+    return starts
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("recordings", nargs="+", type=Path)
@@ -134,7 +157,7 @@ def main() -> None:
     parser.add_argument("--set", action="append", default=[], metavar="FIELD=VALUE")
     options = parser.parse_args()
     settings = read_settings(options.set)
-    starts = [float(s) for s in options.starts.split(",")]
+    starts = read_starts(options.starts)
     write = sys.stdout.write
     write(
         "| recording | from s | start after s | speed m/s | error m/s | tilt ° | NEES (5) "
