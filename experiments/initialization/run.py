@@ -1,4 +1,4 @@
-"""Does `auto` start, how soon, and how well? Prints a table in markdown.
+"""Does `auto` start, how soon, and how well? Prints a table of starts and one of counts.
 
 Every recording is cut open at five times, standing and moving, and run for as long as the start may
 take and ten seconds more.
@@ -12,6 +12,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import argparse
+import re
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -163,27 +164,40 @@ def main() -> None:
         "| recording | from s | start after s | speed m/s | error m/s | tilt ° | NEES (5) "
         "| scale after 10 s | how |\n|---|---|---|---|---|---|---|---|---|\n"
     )
-    outcomes = []
+    outcomes: list[tuple[Path, Outcome]] = []
     for path in options.recordings:
         for start_s in starts:
             o = run(path, start_s, settings)
-            outcomes.append(o)
+            outcomes.append((path, o))
             write(
                 f"| {path.name} | {start_s:g} | {o.after_s:.1f} | {o.speed:.2f} | "
                 f"{o.speed_error:+.2f} | {o.tilt_deg:.2f} | {o.nees:.1f} | {o.scale:.3f} | "
                 f"{o.note} |\n"
             )
             sys.stdout.flush()
-    soon = np.array([o.after_s <= 5.0 for o in outcomes])
-    scale = np.array([o.scale for o in outcomes])
-    right = np.abs(scale - 1.0) <= 0.1
-    known = np.isfinite(scale) | ~np.isfinite([o.after_s for o in outcomes])
-    tilts = np.array([o.tilt_deg for o in outcomes])
-    write(
-        f"\n{len(outcomes)} starts: {soon.mean():.0%} within 5 s of data; of {known.sum()} that "
-        f"moved or failed, scale within 10 % after 10 s: {right[known].mean():.0%}; largest tilt "
-        f"error {np.nanmax(tilts, initial=0.0):.2f}°, {np.sum(tilts > 3.0)} beyond 3°\n"
-    )
+    write(summary([(path.name, o) for path, o in outcomes]))
+
+
+def summary(outcomes: list[tuple[str, Outcome]]) -> str:
+    """Counts in markdown, a row for each preset: recordings are `preset-…` or `preset_…`."""
+    lines = [
+        "",
+        "| preset | starts | within 5 s | scale within 10 % | largest tilt error ° | beyond 3° |",
+        "|---|---|---|---|---|---|",
+    ]
+    presets = [re.sub(r"[-_](\d+|[0-9a-f]{12})$", "", name) for name, _ in outcomes]
+    for preset in [*dict.fromkeys(presets), "all"]:
+        own = [o for (_, o), p in zip(outcomes, presets, strict=True) if preset in (p, "all")]
+        soon = sum(o.after_s <= 5.0 for o in own)
+        # What stood for ten seconds has no scale; what never started has none that is right.
+        known = [o for o in own if np.isfinite(o.scale) or not np.isfinite(o.after_s)]
+        right = sum(abs(o.scale - 1.0) <= 0.1 for o in known)
+        tilts = np.array([o.tilt_deg for o in own])
+        lines.append(
+            f"| {preset} | {len(own)} | {soon} ({soon / len(own):.0%}) | {right} of {len(known)} | "
+            f"{np.nanmax(tilts, initial=0.0):.2f} | {np.sum(tilts > 3.0)} |"
+        )
+    return "\n".join(lines) + "\n"
 
 
 if __name__ == "__main__":
