@@ -1,4 +1,4 @@
-"""Does `auto` start, how soon, and how well? Prints a table in markdown.
+"""Does `auto` start, how soon, and how well? Prints a table of starts and one of counts.
 
 Every recording is cut open at five times, standing and moving, and run for as long as the start may
 take and ten seconds more.
@@ -12,6 +12,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import argparse
+import re
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,8 +23,8 @@ from p2gd_fgo.cli.options import read_settings
 from p2gd_fgo.cli.refusing import run_refusing
 from p2gd_fgo.config import load_config, override
 from p2gd_fgo.datasets import Sequence, open_sequence
-from p2gd_fgo.errors import EstimatorError, InitializationError
-from p2gd_fgo.geometry.pose import interpolate
+from p2gd_fgo.errors import ConfigError, EstimatorError, InitializationError
+from p2gd_fgo.geometry.pose import covered, interpolate
 from p2gd_fgo.odometry import Odometry
 from p2gd_fgo.types import NANOSECONDS, Estimate, FloatArray, NavState
 
@@ -86,9 +87,12 @@ def start_error(sequence: Sequence, first: Estimate) -> tuple[float, float, floa
     """True speed, error of the speed, angle between the verticals, NEES of v and tilt (5)."""
     state: NavState = first.state
     half = NANOSECONDS // 20
-    T = truth_at(sequence, [state.stamp_ns - half, state.stamp_ns, state.stamp_ns + half])
+    around = [state.stamp_ns - half, state.stamp_ns, state.stamp_ns + half]
     truth = sequence.truth
     assert truth is not None
+    if not covered(truth.trajectory, np.array(around)).all():
+        return np.nan, np.nan, np.nan, np.nan
+    T = truth_at(sequence, around)
     velocity = (T[2, :3, 3] - T[0, :3, 3]) / (2 * half / NANOSECONDS)
     if truth.velocity is not None:
         at = int(np.argmin(np.abs(truth.trajectory.stamps_ns - state.stamp_ns)))
@@ -115,6 +119,12 @@ def start_error(sequence: Sequence, first: Estimate) -> tuple[float, float, floa
 
 def path_scale(sequence: Sequence, estimates: list[Estimate]) -> float:
     """Estimated over true spread of the positions: the last seconds that lead anywhere."""
+    truth = sequence.truth
+    assert truth is not None
+    known = covered(truth.trajectory, np.array([e.state.stamp_ns for e in estimates]))
+    estimates = [e for e, k in zip(estimates, known.tolist(), strict=True) if k]
+    if not estimates:
+        return np.nan
     stamps = [e.state.stamp_ns for e in estimates]
     true = truth_at(sequence, stamps)[:, :3, 3]
     ours = np.array([e.state.T_world_imu[:3, 3] for e in estimates])
@@ -127,6 +137,20 @@ def path_scale(sequence: Sequence, estimates: list[Estimate]) -> float:
     return float("nan")
 
 
+def read_starts(text: str) -> list[float]:
+    """Seconds of ``--starts 0,3.5``."""
+    try:
+        starts = [float(part) for part in text.split(",")]
+    except ValueError:
+        starts = [float("nan")]
+    if not all(0.0 <= start < float("inf") for start in starts):
+        raise ConfigError(
+            f"--starts {text}: give seconds from the recording's beginning, not negative and "
+            "separated by commas, such as 0,3.5,9"
+        )
+    return starts
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("recordings", nargs="+", type=Path)
@@ -134,33 +158,46 @@ def main() -> None:
     parser.add_argument("--set", action="append", default=[], metavar="FIELD=VALUE")
     options = parser.parse_args()
     settings = read_settings(options.set)
-    starts = [float(s) for s in options.starts.split(",")]
+    starts = read_starts(options.starts)
     write = sys.stdout.write
     write(
         "| recording | from s | start after s | speed m/s | error m/s | tilt ° | NEES (5) "
         "| scale after 10 s | how |\n|---|---|---|---|---|---|---|---|---|\n"
     )
-    outcomes = []
+    outcomes: list[tuple[Path, Outcome]] = []
     for path in options.recordings:
         for start_s in starts:
             o = run(path, start_s, settings)
-            outcomes.append(o)
+            outcomes.append((path, o))
             write(
                 f"| {path.name} | {start_s:g} | {o.after_s:.1f} | {o.speed:.2f} | "
                 f"{o.speed_error:+.2f} | {o.tilt_deg:.2f} | {o.nees:.1f} | {o.scale:.3f} | "
                 f"{o.note} |\n"
             )
             sys.stdout.flush()
-    soon = np.array([o.after_s <= 5.0 for o in outcomes])
-    scale = np.array([o.scale for o in outcomes])
-    right = np.abs(scale - 1.0) <= 0.1
-    known = np.isfinite(scale) | ~np.isfinite([o.after_s for o in outcomes])
-    tilts = np.array([o.tilt_deg for o in outcomes])
-    write(
-        f"\n{len(outcomes)} starts: {soon.mean():.0%} within 5 s of data; of {known.sum()} that "
-        f"moved or failed, scale within 10 % after 10 s: {right[known].mean():.0%}; largest tilt "
-        f"error {np.nanmax(tilts, initial=0.0):.2f}°, {np.sum(tilts > 3.0)} beyond 3°\n"
-    )
+    write(summary([(path.name, o) for path, o in outcomes]))
+
+
+def summary(outcomes: list[tuple[str, Outcome]]) -> str:
+    """Counts in markdown, a row for each preset: recordings are `preset-…` or `preset_…`."""
+    lines = [
+        "",
+        "| preset | starts | within 5 s | scale within 10 % | largest tilt error ° | beyond 3° |",
+        "|---|---|---|---|---|---|",
+    ]
+    presets = [re.sub(r"[-_](\d+|[0-9a-f]{12})$", "", name) for name, _ in outcomes]
+    for preset in [*dict.fromkeys(presets), "all"]:
+        own = [o for (_, o), p in zip(outcomes, presets, strict=True) if preset in (p, "all")]
+        soon = sum(o.after_s <= 5.0 for o in own)
+        # What stood for ten seconds has no scale; what never started has none that is right.
+        known = [o for o in own if np.isfinite(o.scale) or not np.isfinite(o.after_s)]
+        right = sum(abs(o.scale - 1.0) <= 0.1 for o in known)
+        tilts = np.array([o.tilt_deg for o in own])
+        lines.append(
+            f"| {preset} | {len(own)} | {soon} ({soon / len(own):.0%}) | {right} of {len(known)} | "
+            f"{np.nanmax(tilts, initial=0.0):.2f} | {np.sum(tilts > 3.0)} |"
+        )
+    return "\n".join(lines) + "\n"
 
 
 if __name__ == "__main__":

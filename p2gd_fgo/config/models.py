@@ -133,7 +133,7 @@ class DynamicStartConfig(Model):
         2e-3, description="rad/s/√Hz; the gyro counts as no better: vibration, scale, alignment"
     )
     sigma_extrinsic_deg: Positive = Field(
-        0.5, description="1 sigma of the rotation between camera and IMU; widens the covariance"
+        0.5, description="1 sigma of the rotation between camera and IMU, estimated too"
     )
     max_speed_sigma: Positive = Field(
         0.05, description="share of the speed: 1 sigma of speed and scale; larger: wait for more"

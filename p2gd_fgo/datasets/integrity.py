@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from p2gd_fgo.errors import DataError
-from p2gd_fgo.types import NANOSECONDS, BoolArray, Event, ImuBatch, IntArray, Truth
-
-MAX_TRUTH_GAP_S = 0.5
-"""Nothing is said about the time between two poses of the truth farther apart than this."""
+from p2gd_fgo.geometry.pose import MAX_TRUTH_GAP_S, covered
+from p2gd_fgo.types import NANOSECONDS, Event, ImuBatch, IntArray, Truth
 
 
 def increasing_order(stamps_ns: IntArray, sensor: str) -> tuple[IntArray, list[Event]]:
@@ -96,19 +94,16 @@ def _truth_coverage(stamps: IntArray, truth: Truth | None) -> list[Event]:
             Event(int(stamps[0]), "truth_missing", "the recording has no truth: no errors, no ATE")
         ]
     reference = truth.trajectory.stamps_ns
-    inside: BoolArray = (stamps >= reference[0]) & (stamps <= reference[-1])
-    after = np.searchsorted(reference, stamps).clip(0, len(reference) - 1)
-    before = np.where(reference[after] == stamps, after, np.maximum(after - 1, 0))
-    in_hole = inside & (reference[after] - reference[before] > MAX_TRUTH_GAP_S * NANOSECONDS)
-    covered = inside & ~in_hole
-    if covered.all():
+    known = covered(truth.trajectory, stamps)
+    if known.all():
         return []
-    count, holes = int(covered.sum()), len(np.unique(before[in_hole]))
+    in_hole = ~known & (stamps >= reference[0]) & (stamps <= reference[-1])
+    count, holes = int(known.sum()), len(np.unique(np.searchsorted(reference, stamps[in_hole])))
     message = f"the truth covers {count} of {len(stamps)} images"
     if holes:
         message += f"; it has {holes} holes over {MAX_TRUTH_GAP_S} s, which are not bridged"
     data: dict[str, float | int | str] = {"covered": count, "images": len(stamps), "holes": holes}
-    return [Event(int(stamps[~covered][0]), "truth_partial", message, data)]
+    return [Event(int(stamps[~known][0]), "truth_partial", message, data)]
 
 
 def _span(stamps_ns: IntArray) -> str:

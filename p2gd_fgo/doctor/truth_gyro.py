@@ -11,10 +11,10 @@ from p2gd_fgo.doctor.intervals import GyroIntegral, Intervals
 from p2gd_fgo.doctor.matching import Hypothesis, Match, match
 from p2gd_fgo.doctor.rotation_fit import RotationFit
 from p2gd_fgo.geometry import so3
+from p2gd_fgo.geometry.pose import MAX_TRUTH_GAP_S
 from p2gd_fgo.types import FloatArray, Trajectory
 
 _INTERVAL_S = 0.1
-_MAX_INTERVAL_S = 0.5  # longer ones are holes in the truth
 _STRETCH = 20
 _COUNT = 1500
 
@@ -78,7 +78,7 @@ def _intervals(trajectory: Trajectory, gyro: GyroIntegral, *, inverted: bool) ->
     step = max(1, round(_INTERVAL_S / float(np.median(np.diff(t)))))
     begin = np.arange(0, len(t) - step, step)
     end = begin + step
-    whole = t[end] - t[begin] < _MAX_INTERVAL_S
+    whole = t[end] - t[begin] < MAX_TRUTH_GAP_S
     begin, end = begin[whole], end[whole]
     stretch = np.arange(len(begin)) // _STRETCH
     if len(begin) > _COUNT:  # whole stretches, evenly spread

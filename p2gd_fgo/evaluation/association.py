@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from p2gd_fgo.errors import DataError
-from p2gd_fgo.geometry.pose import interpolate, interpolation_weights
-from p2gd_fgo.types import NANOSECONDS, BoolArray, FloatArray, IntArray, Trajectory
+from p2gd_fgo.geometry.pose import MAX_TRUTH_GAP_S, covered, interpolate
+from p2gd_fgo.types import NANOSECONDS, FloatArray, IntArray, Trajectory
 
-MAX_TRUTH_GAP_S = 0.5
 _MIN_POSES = 3
 
 
@@ -48,16 +45,6 @@ def common_poses(estimate: Trajectory, truth: Trajectory) -> CommonPoses:
         )
     stamps = query[keep]
     return CommonPoses(stamps, estimate.T_world_imu[keep], interpolate(truth, stamps))
-
-
-def covered(trajectory: Trajectory, query_ns: IntArray) -> BoolArray:
-    """Whether times (M,) lie inside the trajectory and in no hole of it longer than 0.5 s."""
-    known = trajectory.stamps_ns
-    if not len(known):
-        return np.zeros(len(query_ns), np.bool_)
-    i, j, w = interpolation_weights(known, query_ns)
-    near = (known[j] - known[i] <= MAX_TRUTH_GAP_S * NANOSECONDS) | (w == 0.0) | (w == 1.0)
-    return np.asarray(near & (query_ns >= known[0]) & (query_ns <= known[-1]))
 
 
 def _span(stamps_ns: IntArray) -> str:

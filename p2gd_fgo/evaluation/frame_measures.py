@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from p2gd_fgo.errors import DataError
-from p2gd_fgo.evaluation.association import covered
-from p2gd_fgo.geometry.pose import interpolate
+from p2gd_fgo.geometry.pose import covered, interpolate
 from p2gd_fgo.recorder import RunResult
 from p2gd_fgo.types import (
     NANOSECONDS,

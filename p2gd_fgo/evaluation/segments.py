@@ -11,10 +11,10 @@ import numpy as np
 
 from p2gd_fgo.errors import DataError
 from p2gd_fgo.evaluation.alignment import Alignment, align, align_yaw_pos
-from p2gd_fgo.evaluation.association import MAX_TRUTH_GAP_S, CommonPoses, common_poses
+from p2gd_fgo.evaluation.association import CommonPoses, common_poses
 from p2gd_fgo.evaluation.trajectory_errors import rmse
 from p2gd_fgo.geometry import so3
-from p2gd_fgo.geometry.pose import interpolate, inverse
+from p2gd_fgo.geometry.pose import MAX_TRUTH_GAP_S, interpolate, inverse
 from p2gd_fgo.types import NANOSECONDS, FloatArray, IntArray, Trajectory
 
 LENGTH_M = 10.0

@@ -8,8 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from p2gd_fgo.evaluation.association import covered
-from p2gd_fgo.geometry.pose import interpolate
+from p2gd_fgo.geometry.pose import covered, interpolate
 from p2gd_fgo.types import BoolArray, FloatArray, IntArray, TrackRecord, Trajectory
 
 RotationSource = Literal["truth", "estimate"]

@@ -5,7 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from p2gd_fgo.geometry import so3
-from p2gd_fgo.types import FloatArray, IntArray, Trajectory
+from p2gd_fgo.types import NANOSECONDS, BoolArray, FloatArray, IntArray, Trajectory
+
+MAX_TRUTH_GAP_S = 0.5
+"""Nothing is said about the time between two poses of the truth farther apart than this."""
 
 
 def from_rotation_translation(R: FloatArray, p: FloatArray) -> FloatArray:
@@ -45,6 +48,16 @@ def interpolation_weights(
     i = np.maximum(j - 1, 0)
     span = np.maximum(stamps_ns[j] - stamps_ns[i], 1)
     return i, j, (clipped - stamps_ns[i]) / span
+
+
+def covered(trajectory: Trajectory, query_ns: IntArray) -> BoolArray:
+    """Whether times (M,) lie inside the trajectory and in no hole of it longer than 0.5 s."""
+    known = trajectory.stamps_ns
+    if not len(known):
+        return np.zeros(len(query_ns), np.bool_)
+    i, j, w = interpolation_weights(known, query_ns)
+    near = (known[j] - known[i] <= MAX_TRUTH_GAP_S * NANOSECONDS) | (w == 0.0) | (w == 1.0)
+    return np.asarray(near & (query_ns >= known[0]) & (query_ns <= known[-1]))
 
 
 def interpolate(trajectory: Trajectory, query_ns: IntArray) -> FloatArray:

@@ -8,11 +8,15 @@ from p2gd_fgo.config import GivenStartConfig
 from p2gd_fgo.errors import DataError, InitializationError
 from p2gd_fgo.frontend import FeatureBuffer
 from p2gd_fgo.geometry import so3
-from p2gd_fgo.geometry.pose import from_rotation_translation, interpolate, interpolation_weights
+from p2gd_fgo.geometry.pose import (
+    covered,
+    from_rotation_translation,
+    interpolate,
+    interpolation_weights,
+)
 from p2gd_fgo.initialization.base import Start
 from p2gd_fgo.types import NANOSECONDS, FloatArray, ImuBatch, IntArray, NavState, Truth, Waiting
 
-_MAX_TRUTH_GAP_NS = 500_000_000  # the evaluation doesn't bridge longer holes either
 _DERIVATIVE_NS = 50_000_000  # half the base of the difference that gives a missing velocity
 
 
@@ -54,11 +58,10 @@ class GivenStart:
                 return Waiting(stamp_ns, "waiting for the truth to begin")
             if stamp_ns > stamps[-1]:
                 raise self.refusal()
-            i, j, w = interpolation_weights(stamps, np.array([stamp_ns]))
-            if 0.0 < w[0] < 1.0 and stamps[j[0]] - stamps[i[0]] > _MAX_TRUTH_GAP_NS:
+            derived = _velocity(truth, stamp_ns)
+            if derived is None:
                 return Waiting(stamp_ns, "waiting for a hole in the truth to end")
-            T = interpolate(truth.trajectory, np.array([stamp_ns]))[0]
-            velocity = _velocity(truth, stamp_ns)
+            T, velocity = interpolate(truth.trajectory, np.array([stamp_ns]))[0], derived
             loose_velocity = 1.0 if truth.velocity is not None else c.loosening
             gyro_bias, loose_gyro = _bias(c.gyro_bias, truth.gyro_bias, stamps, stamp_ns, c)
             accel_bias, loose_accel = _bias(c.accel_bias, truth.accel_bias, stamps, stamp_ns, c)
@@ -106,14 +109,20 @@ def disturbed(state: NavState, covariance: FloatArray, rng: np.random.Generator)
     )
 
 
-def _velocity(truth: Truth, stamp_ns: int) -> FloatArray:
+def _velocity(truth: Truth, stamp_ns: int) -> FloatArray | None:
+    """(3,) at a time; None in a hole, or where no derivative can be had without bridging one."""
+    at = np.array([stamp_ns, stamp_ns - _DERIVATIVE_NS, stamp_ns + _DERIVATIVE_NS])
+    here, before, after = covered(truth.trajectory, at).tolist()
+    if not here:
+        return None
     if truth.velocity is not None:
         i, j, w = interpolation_weights(truth.trajectory.stamps_ns, np.array([stamp_ns]))
         return np.asarray((1.0 - w[0]) * truth.velocity[i[0]] + w[0] * truth.velocity[j[0]])
-    stamps = truth.trajectory.stamps_ns
-    ends = np.clip([stamp_ns - _DERIVATIVE_NS, stamp_ns + _DERIVATIVE_NS], stamps[0], stamps[-1])
+    ends = at[[1 if before else 0, 2 if after else 0]]
+    if ends[0] == ends[1]:
+        return None
     first, last = interpolate(truth.trajectory, ends)[:, :3, 3]
-    return np.asarray((last - first) / max((ends[1] - ends[0]) / NANOSECONDS, 1e-9))
+    return np.asarray((last - first) / ((ends[1] - ends[0]) / NANOSECONDS))
 
 
 def _bias(

@@ -7,6 +7,7 @@ depends on no state but through its sightings.
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -68,9 +69,10 @@ class Views:
 
     def turned(self, turn: FloatArray) -> Views:
         """Seen by a camera that is turned in the body by (3, 3) on the right."""
-        T = self._T_imu_cam.copy()
-        T[:3, :3] = T[:3, :3] @ turn
-        return Views(self.sightings, self._camera, T, self._pixel_noise_px)
+        other = copy(self)
+        other._T_imu_cam = self._T_imu_cam.copy()
+        other._T_imu_cam[:3, :3] = self._T_imu_cam[:3, :3] @ turn
+        return other
 
     def residuals(self, R: FloatArray, p: FloatArray, points: Points) -> FloatArray:
         """(N, 2) in standard deviations; infinite behind the camera."""
@@ -82,8 +84,11 @@ class Views:
 
     def jacobians(
         self, R: FloatArray, p: FloatArray, points: Points
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Residuals (N, 2) and derivatives by (δθ, δp) (N, 2, 6) and by (a, b, ρ) (N, 2, 3)."""
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Residuals (N, 2) and derivatives by (δθ, δp), (a, b, ρ) and the camera's turn.
+
+        (N, 2, 6), (N, 2, 3) and (N, 2, 3); the last is the turn that :meth:`turned` takes.
+        """
         r, in_imu, seen, R_cam, offset = self._evaluate(R, p, points)
         k, m = self.sightings.image, self.sightings.track
         inverse = 1.0 / seen[:, 2]
@@ -101,7 +106,7 @@ class Views:
         J_l = np.empty((len(seen), 2, 3))
         J_l[:, :, 0:2] = by_seen @ Rt_cam @ points.R[m][:, :, :2]
         J_l[:, :, 2] = (by_seen @ Rt_cam @ offset[..., None])[..., 0]
-        return r, J_x, J_l
+        return r, J_x, J_l, by_seen @ so3.hat(seen)
 
     def settled(self, R: FloatArray, p: FloatArray, points: Points, *, robust: bool) -> Points:
         """The points moved to where their sightings agree best, the poses held.
@@ -114,7 +119,7 @@ class Views:
         cost = np.add.reduceat(self._costs(R, p, points, robust=robust), starts)
         index = np.arange(3)
         for _ in range(_POINT_STEPS):
-            r, _, J = self.jacobians(R, p, points)
+            r, _, J, _ = self.jacobians(R, p, points)
             r[~np.isfinite(r)] = 0.0  # behind a camera: nothing to follow, and no cost to beat
             if robust:
                 root = _root_weights(r)
@@ -137,7 +142,7 @@ class Views:
 
     def depth_ratio(self, R: FloatArray, p: FloatArray, points: Points) -> FloatArray:
         """Inverse depth of the points over its standard deviation (M,), the poses held."""
-        _, _, J = self.jacobians(R, p, points)
+        _, _, J, _ = self.jacobians(R, p, points)
         V = np.add.reduceat(np.swapaxes(J, -1, -2) @ J, self.sightings.starts)
         V += 1e-9 * np.eye(3)
         return np.asarray(points.abr[:, 2] / np.sqrt(np.linalg.inv(V)[:, 2, 2]))
@@ -153,36 +158,44 @@ class Views:
     def reduced(
         self, R: FloatArray, p: FloatArray, points: Points, *, robust: bool
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """H (6 K, 6 K) and g (6 K,) of the poses, and how the points follow.
+        """H and g of the poses and the camera's turn (6 K + 3), and how the points follow.
 
-        The points' step (M, 3) is ``shift - gain @ δ`` with gain (M, 3, 6 K), shift (M, 3).
+        The points' step (M, 3) is ``shift - gain @ δ`` with gain (M, 3, 6 K + 3), shift (M, 3).
         """
-        r, J_x, J_l = self.jacobians(R, p, points)
+        r, J_x, J_l, J_c = self.jacobians(R, p, points)
         if robust:
             root = _root_weights(r)
-            r, J_x, J_l = r * root[:, None], J_x * root[:, None, None], J_l * root[:, None, None]
+            r = r * root[:, None]
+            J_x, J_l, J_c = (J * root[:, None, None] for J in (J_x, J_l, J_c))
         k, m, starts = self.sightings.image, self.sightings.track, self.sightings.starts
         images, tracks = len(R), self.sightings.tracks
-        J_xt, J_lt = np.swapaxes(J_x, -1, -2), np.swapaxes(J_l, -1, -2)
+        J_xt, J_lt, J_ct = (np.swapaxes(J, -1, -2) for J in (J_x, J_l, J_c))
         V = np.add.reduceat(J_lt @ J_l, starts)
         V[:, 2, 2] += _WEAK
         b = -np.add.reduceat((J_lt @ r[..., None])[..., 0], starts)
         by_image = np.zeros((tracks, images, 3, 6))
         by_image[m, k] = J_lt @ J_x
-        W = np.ascontiguousarray(by_image.transpose(0, 2, 1, 3)).reshape(tracks, 3, 6 * images)
+        W = np.empty((tracks, 3, size := 6 * images + 3))
+        W[:, :, :-3] = by_image.transpose(0, 2, 1, 3).reshape(tracks, 3, -1)
+        W[:, :, -3:] = np.add.reduceat(J_lt @ J_c, starts)
         V_inverse = np.linalg.inv(V)
         gain = V_inverse @ W
         shift = (V_inverse @ b[..., None])[..., 0]
-        H = -(W.reshape(-1, 6 * images).T @ gain.reshape(-1, 6 * images))
-        g = -(gain.reshape(-1, 6 * images).T @ b.ravel())
+        H = -(W.reshape(-1, size).T @ gain.reshape(-1, size))
+        g = -(gain.reshape(-1, size).T @ b.ravel())
+        H[-3:, -3:] += np.sum(J_ct @ J_c, axis=0)
+        g[-3:] -= np.sum(J_ct @ r[..., None], axis=0)[:, 0]
         order = np.argsort(k, kind="stable")
         at, first = np.unique(k[order], return_index=True)
         blocks = np.add.reduceat((J_xt @ J_x)[order], first)
         steps = np.add.reduceat((J_xt @ r[..., None])[order, :, 0], first)
-        for image, block, step in zip(at.tolist(), blocks, steps, strict=True):
+        turns = np.add.reduceat((J_xt @ J_c)[order], first)
+        for image, block, step, turn in zip(at.tolist(), blocks, steps, turns, strict=True):
             own = slice(6 * image, 6 * image + 6)
             H[own, own] += block
             g[own] -= step
+            H[own, -3:] += turn
+            H[-3:, own] += turn.T
         return 0.5 * (H + H.T), g, gain, shift
 
     def _evaluate(

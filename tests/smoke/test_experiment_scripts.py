@@ -19,6 +19,7 @@ def test_every_script_is_run_by_the_one_that_refuses(script: Path) -> None:
 def test_a_folder_that_is_missing_and_a_setting_without_value(tmp_path: Path) -> None:
     for name, options, says in (
         ("benchmark", [str(tmp_path / "nowhere")], "nowhere"),
+        ("initialization", ["x", "--starts", "a,b"], "--starts a,b: give seconds"),
         ("standstill", ["--set", "backend.window"], "KEY=VALUE"),
     ):
         done = subprocess.run(

@@ -101,13 +101,28 @@ def test_it_waits_for_the_truth_and_gives_up_behind_it() -> None:
 
 def test_a_hole_in_the_truth_is_not_bridged() -> None:
     full = truth().trajectory
-    kept = (STAMPS <= BEGIN_NS) | (STAMPS >= BEGIN_NS + NANOSECONDS)
+    kept = (STAMPS <= BEGIN_NS + NANOSECONDS // 10) | (STAMPS >= BEGIN_NS + NANOSECONDS)
     holed = Truth(Trajectory(STAMPS[kept], full.T_world_imu[kept]))
     initializer = GivenStart(GivenStartConfig(), holed, 0)
     answer = initializer.attempt(BEGIN_NS + NANOSECONDS // 2, NO_IMU, FeatureBuffer(5))
     assert isinstance(answer, Waiting) and "hole" in answer.reason
-    start_at(initializer, BEGIN_NS + NANOSECONDS)
-    start_at(initializer, BEGIN_NS)
+    for edge in (BEGIN_NS, BEGIN_NS + NANOSECONDS // 10, BEGIN_NS + NANOSECONDS):
+        start = start_at(initializer, edge)
+        exact = ROUTE.sample(np.array([edge])).velocity[0]  # one-sided: half the base's change
+        assert np.linalg.norm(start.state.velocity - exact) < 0.15
+
+
+def test_a_lone_pose_between_two_holes_gives_no_velocity() -> None:
+    full = truth()
+    alone = BEGIN_NS + NANOSECONDS
+    kept = (alone == STAMPS) | (STAMPS >= BEGIN_NS + 2 * NANOSECONDS)
+    trajectory = Trajectory(STAMPS[kept], full.trajectory.T_world_imu[kept])
+    initializer = GivenStart(GivenStartConfig(), Truth(trajectory), 0)
+    answer = initializer.attempt(alone, NO_IMU, FeatureBuffer(5))
+    assert isinstance(answer, Waiting) and "hole" in answer.reason
+    assert full.velocity is not None
+    measured = Truth(trajectory, full.velocity[kept])
+    start_at(GivenStart(GivenStartConfig(), measured, 0), alone)
 
 
 def test_a_state_from_the_configuration() -> None:

@@ -8,11 +8,11 @@ from start_windows import drive, true_states, window
 
 from p2gd_fgo.datasets.base import ImuNoise
 from p2gd_fgo.geometry import so3
+from p2gd_fgo.initialization.beginnings import first_points
 from p2gd_fgo.initialization.bundle import Beliefs, Bundle, WindowStates
 from p2gd_fgo.initialization.inertial import inertial_residuals
 from p2gd_fgo.initialization.preintegration import Intervals, intervals, preintegrate
 from p2gd_fgo.initialization.visual import Points, Views
-from p2gd_fgo.initialization.window import _first_points
 from p2gd_fgo.types import FloatArray
 
 NOISE = ImuNoise(1.7e-4, 1e-5, 5.9e-3, 1e-4)
@@ -28,10 +28,11 @@ def setting() -> tuple[Intervals, Views, WindowStates, Points]:
     pieces = intervals(recording.imu, sightings.stamps_ns)
     rng = np.random.default_rng(1)
     scale = np.tile(np.repeat([0.01, 0.05, 0.05, 0.01, 0.1], 3), IMAGES)
-    states = true_states(recording, sightings).retract(scale * rng.standard_normal(15 * IMAGES))
+    scale = np.append(scale, np.full(3, 0.01))
+    states = true_states(recording, sightings).retract(scale * rng.standard_normal(len(scale)))
     T_imu_cam = recording.calibration.T_imu_cam
     views = Views(sightings, recording.calibration.camera, T_imu_cam, 1.0)
-    points = _first_points(sightings, states, T_imu_cam)
+    points = first_points(sightings, states, T_imu_cam)
     return pieces, views, states, points
 
 
@@ -86,7 +87,7 @@ def test_preintegrated_noise_is_what_many_draws_show() -> None:
 def test_inertial_derivatives(setting: tuple[Intervals, Views, WindowStates, Points]) -> None:
     pieces, _, states, _ = setting
     _, J, _ = inertial_residuals(states, pieces, NOISE, 9.81)
-    size = 15 * IMAGES
+    size = 15 * IMAGES + 3
     all_of_it = numerical(
         lambda d: inertial_residuals(states.retract(d), pieces, NOISE, 9.81)[0], size
     )
@@ -99,19 +100,25 @@ def test_inertial_derivatives(setting: tuple[Intervals, Views, WindowStates, Poi
 
 def test_visual_derivatives(setting: tuple[Intervals, Views, WindowStates, Points]) -> None:
     _, views, states, points = setting
-    r, J_x, J_l = views.jacobians(states.R, states.p, points)
+    r, J_x, J_l, J_c = views.jacobians(states.R, states.p, points)
     seen = np.isfinite(r).all(axis=1)
     assert seen.mean() > 0.95
 
     def by_pose(d: FloatArray) -> FloatArray:
-        moved = states.retract(np.tile(np.concatenate([d, np.zeros(9)]), IMAGES))
+        all_alike = np.tile(np.concatenate([d, np.zeros(9)]), IMAGES)
+        moved = states.retract(np.append(all_alike, np.zeros(3)))
         return views.residuals(moved.R, moved.p, points)[seen]
 
     def by_point(d: FloatArray) -> FloatArray:
         return views.residuals(states.R, states.p, points.moved(d))[seen]
 
     np.testing.assert_allclose(J_x[seen], numerical(by_pose, 6), rtol=2e-3, atol=2e-2)
+
+    def by_camera(d: FloatArray) -> FloatArray:
+        return views.turned(so3.exp(d)).residuals(states.R, states.p, points)[seen]
+
     np.testing.assert_allclose(J_l[seen], numerical(by_point, 3), rtol=2e-3, atol=2e-2)
+    np.testing.assert_allclose(J_c[seen], numerical(by_camera, 3), rtol=2e-3, atol=2e-2)
 
 
 def test_the_points_are_eliminated_as_the_whole_system_would(
@@ -119,18 +126,21 @@ def test_the_points_are_eliminated_as_the_whole_system_would(
 ) -> None:
     """The reduced system's step is that of all unknowns at once."""
     pieces, views, states, points = setting
-    r, J_x, J_l = views.jacobians(states.R, states.p, points)
+    views = views.turned(states.camera_turn)
+    r = views.residuals(states.R, states.p, points)
     keep = np.logical_and.reduceat(np.isfinite(r).all(axis=1), views.sightings.starts)
     views, points = views.only(keep), points.only(keep)
-    bundle = Bundle(pieces, views, NOISE, 9.81, Beliefs(0.1, 0.1, 0.002, 0.01))
+    uncalibrated = views.turned(states.camera_turn.T)  # the bundle turns it itself
+    bundle = Bundle(pieces, uncalibrated, NOISE, 9.81, Beliefs(0.1, 0.1, 0.002, 0.01, 0.01))
     H, g, gain, shift = bundle.linearize(states, points, robust=False)
     step = np.linalg.solve(H, g)
-    r, J_x, J_l = views.jacobians(states.R, states.p, points)
+    r, J_x, J_l, J_c = views.jacobians(states.R, states.p, points)
     poses = (np.arange(IMAGES)[:, None] * 15 + np.arange(6)).ravel()
+    poses = np.append(poses, 15 * IMAGES + np.arange(3))
     point_step = shift - gain @ step[poses]
     # Where the points stand after it, their gradient must have vanished.
     k, m = views.sightings.image, views.sightings.track
-    moved = r + (J_x @ step.reshape(-1, 15)[k, :6, None])[..., 0]
+    moved = r + (J_x @ step[:-3].reshape(-1, 15)[k, :6, None])[..., 0] + J_c @ step[-3:]
     moved += (J_l @ point_step[m][..., None])[..., 0]
     gradient = np.add.reduceat(
         (np.swapaxes(J_l, -1, -2) @ moved[..., None])[..., 0], views.sightings.starts
