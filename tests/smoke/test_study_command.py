@@ -38,7 +38,7 @@ def test_plan_run_status_table(
     assert run(monkeypatch, "run", study.parent, *profile, "--jobs", "1") == 0
     out = capsys.readouterr().out
     assert "estimated cost" in out and "2 done" in out and "2/2" in out
-    assert "tiny-7" in out and "no claim" in out and "at least 3 routes are needed" in out
+    assert "tiny-7" in out and "No claim, below 3 routes there is no interval" in out
 
     results = study.parent / "one" / "results.jsonl"
     records = read_records(results)
