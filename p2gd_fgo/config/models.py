@@ -187,7 +187,7 @@ class GivenStartConfig(Model):
         5.0, description="factor on the sigma of what truth doesn't give and is derived or guessed"
     )
     noise: bool = Field(
-        False, description="draw the start's error from these sigmas, by the run's seed"
+        False, description="draw the start's error from these sigmas, by seed and recording"
     )
 
 

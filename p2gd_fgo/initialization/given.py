@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import zlib
+
 import numpy as np
 
 from p2gd_fgo.config import GivenStartConfig
@@ -37,7 +39,7 @@ class GivenStart:
             )
         self._config = config
         self._truth = truth
-        self._rng = np.random.default_rng(seed)
+        self._seed = seed
 
     def attempt(self, stamp_ns: int, imu: ImuBatch, buffer: FeatureBuffer) -> Start | Waiting:
         """Start here if truth covers the image."""
@@ -84,8 +86,13 @@ class GivenStart:
         P[0:3, 0:3] = R.T @ np.diag([tilt, tilt, yaw]) ** 2 @ R
         state = NavState(stamp_ns, T, velocity, gyro_bias, accel_bias)
         if c.noise:
-            state = disturbed(state, P, self._rng)
+            state = disturbed(state, P, self._drawing(imu))
         return Start(state, P, f"given, from {c.source}")
+
+    def _drawing(self, imu: ImuBatch) -> np.random.Generator:
+        """Of this seed on this recording: routes that share an error would not be independent."""
+        first = np.concatenate([imu.gyro[:1], imu.accel[:1]]).tobytes()
+        return np.random.default_rng([self._seed, zlib.crc32(first)])
 
     def refusal(self) -> InitializationError:
         """No image lies within the truth."""

@@ -32,8 +32,8 @@ def truth(*, velocity: bool = True, biases: bool = True) -> Truth:
     )
 
 
-def start_at(initializer: GivenStart, stamp_ns: int) -> Start:
-    answer = initializer.attempt(stamp_ns, NO_IMU, FeatureBuffer(5))
+def start_at(initializer: GivenStart, stamp_ns: int, imu: ImuBatch = NO_IMU) -> Start:
+    answer = initializer.attempt(stamp_ns, imu, FeatureBuffer(5))
     assert isinstance(answer, Start)
     return answer
 
@@ -191,4 +191,14 @@ def test_the_seed_decides_the_draw() -> None:
     made = [start_at(GivenStart(GivenStartConfig(noise=True), truth(), k), BEGIN_NS)
             for k in (1, 1, 2)]  # fmt: skip
     np.testing.assert_array_equal(made[0].state.T_world_imu, made[1].state.T_world_imu)
+    assert (made[0].state.velocity != made[2].state.velocity).all()
+
+
+def test_one_seed_draws_another_error_on_another_recording() -> None:
+    """Routes whose starts err alike are not independent, as intervals over routes take them."""
+    stamps = np.array([BEGIN_NS])
+    imus = [ImuBatch(stamps, np.full((1, 3), g), np.array([[0.0, 0.0, 9.81]])) for g in (0.0, 0.1)]
+    noisy = GivenStartConfig(noise=True)
+    made = [start_at(GivenStart(noisy, truth(), 1), BEGIN_NS, imus[k]) for k in (0, 0, 1)]
+    np.testing.assert_array_equal(made[0].state.velocity, made[1].state.velocity)
     assert (made[0].state.velocity != made[2].state.velocity).all()
