@@ -62,10 +62,15 @@ class Views:
         self._T_imu_cam = T_imu_cam
         self._white = camera.distort_jacobian(sightings.normalized) / pixel_noise_px
 
-    def only(self, tracks: BoolArray, noise_factor: float = 1.0) -> Views:
-        """With the tracks (M,) that are true, and pixels so many times as noisy."""
-        noise_px = noise_factor * self._pixel_noise_px
-        return Views(self.sightings.only(tracks), self._camera, self._T_imu_cam, noise_px)
+    def only(self, tracks: BoolArray) -> Views:
+        """With the tracks (M,) that are true."""
+        sightings = self.sightings.only(tracks)
+        return Views(sightings, self._camera, self._T_imu_cam, self._pixel_noise_px)
+
+    def noisier(self, factor: float) -> Views:
+        """With pixels so many times as noisy."""
+        noise_px = factor * self._pixel_noise_px
+        return Views(self.sightings, self._camera, self._T_imu_cam, noise_px)
 
     def turned(self, turn: FloatArray) -> Views:
         """Seen by a camera that is turned in the body by (3, 3) on the right."""

@@ -34,9 +34,8 @@ _CAUTION, _LEAST_NOISE, _MOST_NOISE = 5.0, 0.5, 2.0
 # accelerometer that the path follows, noise included, and noise passes for acceleration: the
 # images' motion looks too small, and the scale comes out too large.
 _SOLVED_SHARE = 0.4
-_BIAS_TENSION = (
-    2.8  # sigmas of the accelerometer's bias (three axes): 5 % of honest ones are beyond
-)
+# Sigmas of the accelerometer's bias, three axes: 5 % of honest ones are beyond.
+_BIAS_TENSION = 2.8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -179,9 +178,8 @@ class WindowSolver:
         for _ in range(_ROUNDS):
             # Anew each time: a point that was placed by a poor motion keeps its poor place.
             points = first_points(sightings, states, self._T_imu_cam)
-            ahead = np.isfinite(
-                every.turned(states.camera_turn).residuals(states.R, states.p, points)
-            ).all(axis=1)
+            seen = every.turned(states.camera_turn).residuals(states.R, states.p, points)
+            ahead = np.isfinite(seen).all(axis=1)
             ahead = np.logical_and.reduceat(ahead, sightings.starts)
             if ahead.sum() < c.min_tracks:
                 return None
@@ -190,16 +188,12 @@ class WindowSolver:
             states, points, _, _ = bundle.minimize(states, points, _ROBUST_STEPS, robust=True)
         kept, inliers = views, 1.0
         for last in (False, True):
-            size = np.linalg.norm(
-                kept.turned(states.camera_turn).residuals(states.R, states.p, points), axis=1
-            )
+            turned = kept.turned(states.camera_turn)
+            size = np.linalg.norm(turned.residuals(states.R, states.p, points), axis=1)
             worst = np.maximum.reduceat(size, kept.sightings.starts)
             good = worst < min(_GATE, max(_GATE_MEDIANS * float(np.median(size)), _LEAST_GATE))
             inliers = min(inliers, float(good[kept.sightings.track].mean()))
-            good &= (
-                kept.turned(states.camera_turn).depth_ratio(states.R, states.p, points)
-                > _LEAST_DEPTH_RATIO
-            )
+            good &= turned.depth_ratio(states.R, states.p, points) > _LEAST_DEPTH_RATIO
             good &= points.abr[:, 2] < NEAR
             if good.sum() < c.min_tracks:
                 return None
@@ -210,16 +204,15 @@ class WindowSolver:
         factor = float(
             np.clip(_CAUTION * _rms(kept, states, points), _LEAST_NOISE / _MOST_NOISE, 1.0)
         )
-        every_track = np.ones(len(points.abr), dtype=bool)
         for share in (_SOLVED_SHARE, 1.0):
-            bundle = self._bundle(pieces, kept.only(every_track, share * factor))
+            bundle = self._bundle(pieces, kept.noisier(share * factor))
             states, points, _, converged = bundle.minimize(
                 states, points, _FINAL_STEPS, robust=True
             )
             bias = float(np.linalg.norm(states.accel_bias[-1])) / c.sigma_accel_bias
             if bias < _BIAS_TENSION:
                 break
-        bundle = self._bundle(pieces, kept.only(every_track, factor))
+        bundle = self._bundle(pieces, kept.noisier(factor))
         # A bias that its prior can't explain was bent by what the model doesn't know, and so was
         # the rest.
         covariance = bundle.newest_covariance(states, points) * max(1.0, bias**2 / 3.0)
