@@ -58,7 +58,9 @@ def doctor(
         typer.echo(json.dumps(report.to_json(), indent=2))
     else:
         _print(report)
-    if report.verdict in ("not fit to run", "too little data to judge"):
+    from p2gd_fgo.doctor import NOT_FIT, TOO_LITTLE
+
+    if report.verdict in (NOT_FIT, TOO_LITTLE):
         raise typer.Exit(1)
 
 
