@@ -255,6 +255,10 @@ class MsckfConfig(Model):
     """The multi-state constraint Kalman filter."""
 
     fej: bool = Field(False, description="first-estimate Jacobians; off for cars, as in the paper")
+    look_ahead: bool = Field(
+        True,
+        description="linearise where tracks that are not due yet put the images; not with fej",
+    )
     min_track_length: int = Field(3, ge=2, description="sightings; shorter tracks are not used")
     refinement_steps: int = Field(
         3, ge=0, le=20, description="of Gauss-Newton on each point, after the linear solution"

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.linalg import LinAlgError
 from scipy.linalg import solve_triangular
 
+from p2gd_fgo.backends.msckf.look_ahead import pose_information
 from p2gd_fgo.backends.msckf.measurement import (
     Sensor,
     carried,
@@ -19,11 +20,11 @@ from p2gd_fgo.backends.msckf.measurement import (
     without_point,
 )
 from p2gd_fgo.backends.msckf.propagation import propagate
-from p2gd_fgo.backends.msckf.standstill import relative_pose, relative_pose_jacobian
+from p2gd_fgo.backends.msckf.standstill import equal_poses
 from p2gd_fgo.backends.msckf.state import FilterState, Poses, largest_turn
 from p2gd_fgo.backends.msckf.tracks import Sightings, TrackTable
 from p2gd_fgo.backends.msckf.triangulation import LEAST_DEPTH_M, camera_poses, triangulate
-from p2gd_fgo.backends.msckf.update import gate, root, updated
+from p2gd_fgo.backends.msckf.update import gate, most_likely, root, updated
 from p2gd_fgo.config import BackendConfig
 from p2gd_fgo.datasets.base import Calibration, ImuNoise
 from p2gd_fgo.errors import EstimatorError
@@ -31,7 +32,6 @@ from p2gd_fgo.geometry.pose import from_rotation_translation
 from p2gd_fgo.imu import UnknownMotion
 from p2gd_fgo.timing import StageTimer
 from p2gd_fgo.types import (
-    NANOSECONDS,
     BoolArray,
     Estimate,
     FloatArray,
@@ -59,7 +59,7 @@ class Msckf:
     config
         Window length, pixel noise and the filter's own settings.
     timer
-        Stages ``triangulate``, ``linearize``, ``gate``, ``solve`` are timed in it.
+        Stages ``look_ahead``, ``triangulate``, ``linearize``, ``gate``, ``solve`` are timed in it.
     """
 
     def __init__(
@@ -142,25 +142,51 @@ class Msckf:
     def _correct(self, due: Sightings, *, still: bool) -> None:
         """One Kalman update with the points of all tracks that are due.
 
-        As long as a hole in the IMU lies in the window, the prediction may be turned by tens of
-        degrees. Then the update is linearised where all tracks say that the images were taken,
-        those that are not due yet too.
+        It is linearised where all tracks, those that are not due yet too, say that the images were
+        taken. As long as a hole in the IMU lies in the window, the prediction may be turned by
+        tens of degrees, and one step doesn't lead there.
         """
+        if len(due) == 0 and not still:
+            return
         prior = self._state
         L = root(prior.covariance)
+        seen = due.with_others(self._tracks.held(len(prior)))
         if self._hole_ns is not None and self._hole_ns >= prior.stamps_ns[0]:
-            self._relinearize(prior, L, due.with_others(self._tracks.held(len(prior))))
+            self._look_ahead(prior, L, seen, rounds=_MOST_ROUNDS)
+        elif self._config.look_ahead and not self._config.fej:
+            self._look_ahead(prior, L, seen, rounds=1)
         self._step(prior, L, due, still=still)
 
-    def _relinearize(self, prior: FilterState, L: FloatArray, tracks: Sightings) -> None:
-        """Move to the iterated update by these tracks, of which nothing else remains."""
+    def _look_ahead(
+        self, prior: FilterState, L: FloatArray, tracks: Sightings, *, rounds: int
+    ) -> None:
+        """Move to the iterated update by these tracks, of which nothing else remains.
+
+        First estimates begin anew there.
+        """
         counts = self._counts.copy()
-        for k in range(_MOST_ROUNDS):
-            self._state = self._state.begun_anew()
-            if self._step(prior, L, tracks, far_off=k == 0) < _SMALL_TURN:
-                break
-        self._state = self._state.begun_anew()
+        with self._timer.stage("look_ahead"):
+            for k in range(rounds):
+                far_off = k == 0 and rounds > 1  # too far to tell an outlier by its pixels
+                turn = self._nearer(prior, L, tracks, far_off=far_off)
+                if self._config.fej:
+                    self._state = self._state.begun_anew()
+                if turn < _SMALL_TURN:
+                    break
         self._counts = counts
+
+    def _nearer(
+        self, prior: FilterState, L: FloatArray, tracks: Sightings, *, far_off: bool
+    ) -> float:
+        """One step towards where ``tracks`` put the images; returns its largest turn, rad."""
+        tracks, points = self._triangulated(tracks, far_off=far_off)
+        if len(tracks) == 0:
+            return 0.0
+        moved, L_here = prior.moved_to(self._state, L)
+        A, b = pose_information(tracks, points, self._state.poses, self._sensor)
+        step = most_likely(L_here, A, b + A @ moved[: len(A)]) - moved
+        self._state = self._state.corrected(step, prior.covariance)
+        return largest_turn(step)
 
     def _step(
         self,
@@ -168,48 +194,37 @@ class Msckf:
         L: FloatArray,
         due: Sightings,
         *,
-        still: bool = False,
-        far_off: bool = False,
-    ) -> float:
+        still: bool,
+    ) -> None:
         """``prior`` updated with what is linearised at the state of now, which it replaces.
 
         Parameters
         ----------
         L
             Root of the prior's covariance.
-        far_off
-            The state of now is not good enough to tell an outlier by its pixels.
-
-        Returns
-        -------
-        float
-            The largest turn of a pose, rad, against the state of before.
         """
         moved, L_here = prior.moved_to(self._state, L)
         already = solve_triangular(L, moved, lower=True, check_finite=False)
-        Z, r = self._rows(due, L_here, already, far_off=far_off)
+        Z, r = self._rows(due, L_here, already)
         if still and len(self._state) >= 3:
-            Z_still, r_still = self._hold_still(L_here)
-            r_still = r_still + Z_still @ already
-            Z, r = np.concatenate([Z, Z_still]), np.concatenate([r, r_still])
+            Z_still, r_still = equal_poses(self._state, self._linearization(), L_here, self._config)
+            Z, r = np.concatenate([Z, Z_still]), np.concatenate([r, r_still + Z_still @ already])
         if len(r) == 0:
             self._state = prior
-            return 0.0
+            return
         with self._timer.stage("solve"):
             error, covariance = self._posterior(L_here, Z, r)
-            step = error - moved
-            self._state = self._state.corrected(step, covariance)
-        return largest_turn(step)
+            self._state = self._state.corrected(error - moved, covariance)
 
     def _rows(
-        self, due: Sightings, L: FloatArray, already: FloatArray, *, far_off: bool
+        self, due: Sightings, L: FloatArray, already: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Z (k, n) and r (k,) of the tracks that pass, r against the prior.
 
         The state of now lies L times ``already`` (n,) from the prior.
         """
         with self._timer.stage("triangulate"):
-            due, points = self._triangulated(due, far_off=far_off)
+            due, points = self._triangulated(due)
         if len(due) == 0:
             return np.zeros((0, len(L))), np.zeros(0)
         with self._timer.stage("linearize"):
@@ -233,7 +248,9 @@ class Msckf:
     ) -> tuple[FloatArray, FloatArray]:
         return updated(L, Z, r)
 
-    def _triangulated(self, due: Sightings, *, far_off: bool) -> tuple[Sightings, FloatArray]:
+    def _triangulated(
+        self, due: Sightings, *, far_off: bool = False
+    ) -> tuple[Sightings, FloatArray]:
         """The tracks that may be used, and their points (M, 3); the others are counted."""
         c = self._config
         single = due.lengths < 2
@@ -272,22 +289,6 @@ class Msckf:
 
     def _linearization(self) -> Poses:
         return self._state.linearization_poses(self._config.fej)
-
-    def _hold_still(self, L: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Rows Z (6, n) and r (6,): the image before this one has the pose of the one before it.
-
-        What is asserted lies one image back: the detector looks at a window, and its newest image
-        may already have begun to move by less than it can see.
-        """
-        c = self._config
-        j = len(self._state) - 2
-        stamps = self._state.stamps_ns
-        moved = c.sigma_still_velocity * (stamps[j] - stamps[j - 1]) / NANOSECONDS
-        shift = 1.0 / np.hypot(1.0 / c.sigma_still_position, 1.0 / moved)
-        sigmas = np.repeat([np.radians(c.sigma_still_rotation_deg), shift], 3)
-        H = relative_pose_jacobian(self._linearization(), j - 1, j, len(L))
-        r = -relative_pose(self._state.poses, j - 1, j)
-        return (H / sigmas[:, None]) @ L, r / sigmas
 
     def _count(self, sightings: Sightings, tracks: BoolArray, fate: str) -> None:
         if number := int(sightings.lengths[tracks].sum()):

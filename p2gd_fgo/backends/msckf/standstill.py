@@ -4,9 +4,34 @@ from __future__ import annotations
 
 import numpy as np
 
-from p2gd_fgo.backends.msckf.state import POSE_DIM, Poses
+from p2gd_fgo.backends.msckf.state import POSE_DIM, FilterState, Poses
+from p2gd_fgo.config import MsckfConfig
 from p2gd_fgo.geometry import so3
-from p2gd_fgo.types import FloatArray
+from p2gd_fgo.types import NANOSECONDS, FloatArray
+
+
+def equal_poses(
+    state: FilterState, at: Poses, L: FloatArray, config: MsckfConfig
+) -> tuple[FloatArray, FloatArray]:
+    """Rows Z (6, n) and r (6,): the image before this one has the pose of the one before it.
+
+    What is asserted lies one image back: the detector looks at a window, and its newest image
+    may already have begun to move by less than it can see.
+
+    Parameters
+    ----------
+    at
+        Where Jacobians are taken.
+    L
+        (n, n) root of the covariance.
+    """
+    j = len(state) - 2
+    seconds = (state.stamps_ns[j] - state.stamps_ns[j - 1]) / NANOSECONDS
+    moved = config.sigma_still_velocity * seconds
+    shift = 1.0 / np.hypot(1.0 / config.sigma_still_position, 1.0 / moved)
+    sigmas = np.repeat([np.radians(config.sigma_still_rotation_deg), shift], 3)
+    H = relative_pose_jacobian(at, j - 1, j, len(L))
+    return (H / sigmas[:, None]) @ L, -relative_pose(state.poses, j - 1, j) / sigmas
 
 
 def relative_pose(poses: Poses, i: int, j: int) -> FloatArray:

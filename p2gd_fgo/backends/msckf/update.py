@@ -50,6 +50,16 @@ def updated(L: FloatArray, Z: FloatArray, r: FloatArray) -> tuple[FloatArray, Fl
     return error, X.T @ X
 
 
+def most_likely(L: FloatArray, A: FloatArray, b: FloatArray) -> FloatArray:
+    """Error estimate (n,) after information A (m, m) and b (m,) about the first m errors."""
+    seen = L[: len(A)]
+    M = seen.T @ (A @ seen)
+    diagonal = np.einsum("ii->i", M)
+    diagonal += 1.0
+    C = cholesky(M, lower=True, overwrite_a=True, check_finite=False)
+    return np.asarray(L @ cho_solve((C, True), seen.T @ b, check_finite=False))
+
+
 def gate(Z: FloatArray, r: FloatArray, sightings: Sightings, probability: float) -> BoolArray:
     """(M,) tracks whose squared Mahalanobis distance a consistent filter would exceed rarely.
 
