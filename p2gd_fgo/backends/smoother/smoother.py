@@ -109,7 +109,12 @@ class Smoother:
         else:
             self._tracks.add(observations, self._frame)
         try:
-            covariance = self._optimize(observations.stamp_ns)
+            try:
+                covariance = self._optimize(observations.stamp_ns)
+            except RuntimeError:
+                if not self._tracks.drop_those_behind(self._states.values(self._anchor)):
+                    raise
+                covariance = self._optimize(observations.stamp_ns)
             estimate = Estimate(
                 self._states.newest(),
                 error_covariance(covariance, self._states.R[-1]),

@@ -110,6 +110,30 @@ class TrackFactors:
                 accepted.append(track)
         return accepted
 
+    def drop_those_behind(self, values: gtsam.Values) -> bool:
+        """Let go the tracks whose point has come behind a camera since GTSAM last looked.
+
+        It triangulates anew only when cameras have moved by more than a millimetre or so. A point
+        just before a camera may lie behind it then, and GTSAM throws on it, asked not to or not.
+
+        Returns
+        -------
+        bool
+            Whether there was one.
+        """
+        behind = []
+        for track_id, track in self._tracks.items():
+            try:
+                if len(track.frames) > 1:
+                    track.factor.linearize(values)
+            except RuntimeError:
+                behind.append(track_id)
+        for track_id in behind:
+            track = self._tracks.pop(track_id)
+            self._starting_at[track.frames[0]].remove(track_id)
+            self.counts["rejected_behind_camera"] += len(track.frames)
+        return bool(behind)
+
     def live_observations(self) -> int:
         """Sightings that are in the window's factors."""
         return sum(len(t.frames) for t in self._tracks.values())

@@ -96,3 +96,31 @@ def test_live_and_settled_tracks_are_told_apart() -> None:
     assert factors.usable(3)[1].size() == 1
     assert factors.usable(4)[1].size() == 2
     assert [t.frames for t in factors.take_starting_at(1)] == [[1, 2, 3]]
+
+
+def test_a_point_that_comes_behind_a_camera_within_gtsams_tolerance_is_let_go() -> None:
+    """Two sightings of a point at the second camera: GTSAM keeps it while poses move by 1e-3."""
+    factors = tracked(NEAR, 3)
+    for frame, normalized in ((0, [0.25, 0.0]), (1, [0.0, 0.0])):
+        factors.add(
+            Observations(frame, np.array([8]), np.zeros((1, 2)), np.array([normalized])), frame
+        )
+
+    def poses(forward: float) -> gtsam.Values:
+        out = gtsam.Values()
+        for k, at in enumerate(([0.0, 0.0, 0.0], [0.5, 0.0, 1.9999 + forward], [1.0, 0.0, 0.0])):
+            out.insert(X(k), pose3=gtsam.Pose3(gtsam.Rot3(), np.array(at)))
+        return out
+
+    before, after = poses(0.0), poses(5e-4)
+    _, settled = factors.usable(2)
+    settled.linearize(before)
+    assert not factors.drop_those_behind(before)
+    with pytest.raises(RuntimeError, match="Cheirality"):
+        settled.linearize(after)
+    assert factors.drop_those_behind(after)
+    assert factors.counts == {"rejected_behind_camera": 2}
+    assert factors.live_observations() == 3
+    live, settled = factors.usable(2)
+    assert live.size() == 1 and settled.size() == 0
+    assert len(factors.take_starting_at(0)) == 1

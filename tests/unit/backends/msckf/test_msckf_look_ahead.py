@@ -44,7 +44,7 @@ def test_information_says_what_the_rows_say() -> None:
 def test_an_image_that_no_track_has_seen_has_no_information() -> None:
     rng = np.random.default_rng(0)
     state = filter_state(rng, 5)
-    seen, points = sightings(rng, state.poses, ((1, 4), (1, 4), (2, 4)))
+    seen, points = sightings(rng, state.poses, [(1, 4), (1, 4), (2, 4)])
     A, b = pose_information(seen, points, state.poses, SENSOR)
     assert not A[:6].any() and not A[24:].any() and not b[:6].any() and not b[24:].any()
     assert A[6:24].any()
