@@ -150,11 +150,11 @@ class Msckf:
             return
         prior = self._state
         L = root(prior.covariance)
-        seen = due.with_others(self._tracks.held(len(prior)))
-        if self._hole_ns is not None and self._hole_ns >= prior.stamps_ns[0]:
-            self._look_ahead(prior, L, seen, rounds=_MOST_ROUNDS)
-        elif self._config.look_ahead and not self._config.fej:
-            self._look_ahead(prior, L, seen, rounds=1)
+        hole = self._hole_ns is not None and self._hole_ns >= prior.stamps_ns[0]
+        once = self._config.look_ahead and not self._config.fej
+        if rounds := _MOST_ROUNDS if hole else int(once):
+            seen = due.with_others(self._tracks.held(len(prior)))
+            self._look_ahead(prior, L, seen, rounds=rounds)
         self._step(prior, L, due, still=still)
 
     def _look_ahead(
@@ -162,7 +162,7 @@ class Msckf:
     ) -> None:
         """Move to the iterated update by these tracks, of which nothing else remains.
 
-        First estimates begin anew there.
+        With ``fej`` the first estimates begin anew there.
         """
         counts = self._counts.copy()
         with self._timer.stage("look_ahead"):
@@ -188,14 +188,7 @@ class Msckf:
         self._state = self._state.corrected(step, prior.covariance)
         return largest_turn(step)
 
-    def _step(
-        self,
-        prior: FilterState,
-        L: FloatArray,
-        due: Sightings,
-        *,
-        still: bool,
-    ) -> None:
+    def _step(self, prior: FilterState, L: FloatArray, due: Sightings, *, still: bool) -> None:
         """``prior`` updated with what is linearised at the state of now, which it replaces.
 
         Parameters
