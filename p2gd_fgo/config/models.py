@@ -242,7 +242,7 @@ class SmootherConfig(Model):
         5.0, description="a track with a larger reprojection error is not used"
     )
     gate_probability: Annotated[float, Field(gt=0.5, lt=1)] = Field(
-        0.999, description="chi-square gate of a track when it is marginalised"
+        0.999, description="chi-square gate of a track, at each image and when it is marginalised"
     )
     sigma_still_velocity: Positive = Field(0.01, description="m/s, when standing still")
     sigma_still_position: Positive = Field(0.001, description="m per image, when standing still")

@@ -54,7 +54,7 @@ def test_every_observation_has_one_fate() -> None:
             self.folded += sum(len(t.frames) for t in accepted)
             oldest = self._states.frames[0]
             assert all(t.frames[0] == oldest for t in tracks)
-            live, settled = self._tracks.usable(self._frame)
+            live, settled = self._tracks.usable(self._frame, values)
             live.push_back(settled)
             in_prior = {id(t.factor) for t in accepted}
             assert all(id(live.at(i)) not in in_prior for i in range(live.size()))

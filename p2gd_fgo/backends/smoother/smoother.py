@@ -191,13 +191,13 @@ class Smoother:
         Tracks that the newest image doesn't see hardly move: they are linearised once, and join
         the prior for the steps after the first.
         """
-        graph, settled_tracks = self._tracks.usable(self._frame)
+        with self._timer.stage("linearize"):
+            values = self._states.values(self._anchor)
+            graph, settled_tracks = self._tracks.usable(self._frame, values)
+            settled = self._with_settled(settled_tracks, values)
         for factors in self._motion.values():
             for factor in factors:
                 graph.push_back(factor)
-        with self._timer.stage("linearize"):
-            values = self._states.values(self._anchor)
-            settled = self._with_settled(settled_tracks, values)
         dim = ERROR_DIM * len(self._states)
         for iteration in range(self._config.iterations):
             with self._timer.stage("linearize"):

@@ -88,11 +88,19 @@ class TrackFactors:
             track.factor.add(z, key)
             track.frames.append(frame)
 
-    def usable(self, frame: int) -> tuple[gtsam.NonlinearFactorGraph, gtsam.NonlinearFactorGraph]:
-        """Factors of two sightings or more: those seen in ``frame``, and those that are not."""
+    def usable(
+        self, frame: int, values: gtsam.Values
+    ) -> tuple[gtsam.NonlinearFactorGraph, gtsam.NonlinearFactorGraph]:
+        """Factors of two sightings or more: those seen in ``frame``, and those that are not.
+
+        What doesn't pass the gate at ``values`` is left out this time, and may pass the next. GTSAM
+        has only a limit in pixels, too wide for a short track: while the vehicle has hardly moved
+        since the start, what is mistracked looks near and is all that can be triangulated, and two
+        such tracks can stop a vehicle whose speed is known to a tenth.
+        """
         live, settled = gtsam.NonlinearFactorGraph(), gtsam.NonlinearFactorGraph()
         for track in self._tracks.values():
-            if len(track.frames) > 1:
+            if len(track.frames) > 1 and self._passes(track, values):
                 (live if track.frames[-1] == frame else settled).push_back(track.factor)
         return live, settled
 
@@ -145,11 +153,12 @@ class TrackFactors:
         result = track.factor.point(values)
         if not result.valid():
             return _STATUS_NAMES[result.status]
-        # error() is half the squared Mahalanobis norm of 2 n residuals less 3 for the point.
+        return "marginalized" if self._passes(track, values) else "rejected_chi_square"
+
+    def _passes(self, track: Track, values: gtsam.Values) -> bool:
+        """The chi-square gate of n > 1 sightings; what GTSAM finds invalid has no error."""
+        n = len(track.frames)
         if n not in self._gates:
             self._gates[n] = float(chi2.ppf(self._gate, 2 * n - 3))
-        return (
-            "marginalized"
-            if 2.0 * track.factor.error(values) < self._gates[n]
-            else ("rejected_chi_square")
-        )
+        # error() is half the squared Mahalanobis norm of 2 n residuals less 3 for the point.
+        return 2.0 * track.factor.error(values) < self._gates[n]

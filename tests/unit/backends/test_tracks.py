@@ -59,10 +59,21 @@ def test_gates(point: FloatArray, offset_px: float, fate: str) -> None:
     assert accepted == (leaving if fate == "marginalized" else [])
 
 
+@pytest.mark.parametrize(("frames", "offset_px", "used"), [(2, 4.0, 1), (2, 6.0, 0), (5, 6.0, 0)])
+def test_live_tracks_pass_the_chi_square_gate_at_every_image(
+    frames: int, offset_px: float, used: int
+) -> None:
+    """Two sightings share 6 px: 3 px each are within GTSAM's limit, and 4.2 standard deviations."""
+    factors = tracked(NEAR, frames, offset_px=offset_px)
+    live, settled = factors.usable(frames - 1, values(frames))
+    assert (live.size(), settled.size()) == (used, 0)
+    assert factors.live_observations() == frames  # left out this time, not let go
+
+
 def test_single_sighting_and_no_baseline_are_not_used() -> None:
     factors = TrackFactors(CAMERA, np.eye(4), 1.0, SmootherConfig())
     factors.add(sighting(NEAR, 0, (0.0, 0.0)), 0)
-    assert factors.usable(0)[0].size() == 0
+    assert factors.usable(0, values(1))[0].size() == 0
     factors.accept(factors.take_starting_at(0), values(1))
     assert factors.counts == {"single_view": 1}
 
@@ -82,7 +93,7 @@ def test_track_seen_again_after_folding_starts_anew() -> None:
     for k in (4, 5):
         factors.add(sighting(NEAR, k, (0.0, 0.0)), k)
     assert [folded.factor.keys()[i] for i in range(4)] == [X(k) for k in range(4)]
-    live = factors.usable(5)[0]
+    live = factors.usable(5, values(6))[0]
     assert live.size() == 1
     assert [live.at(0).keys()[i] for i in range(2)] == [X(4), X(5)]
     assert factors.live_observations() == 2
@@ -92,9 +103,9 @@ def test_live_and_settled_tracks_are_told_apart() -> None:
     factors = tracked(NEAR, 3)
     for k in (1, 2, 3):
         factors.add(sighting(NEAR + 1.0, k, (0.0, 0.0), track=8), k)
-    assert factors.usable(3)[0].size() == 1
-    assert factors.usable(3)[1].size() == 1
-    assert factors.usable(4)[1].size() == 2
+    assert factors.usable(3, values(4))[0].size() == 1
+    assert factors.usable(3, values(4))[1].size() == 1
+    assert factors.usable(4, values(4))[1].size() == 2
     assert [t.frames for t in factors.take_starting_at(1)] == [[1, 2, 3]]
 
 
@@ -113,7 +124,7 @@ def test_a_point_that_comes_behind_a_camera_within_gtsams_tolerance_is_let_go() 
         return out
 
     before, after = poses(0.0), poses(5e-4)
-    _, settled = factors.usable(2)
+    _, settled = factors.usable(2, before)
     settled.linearize(before)
     assert not factors.drop_those_behind(before)
     with pytest.raises(RuntimeError, match="Cheirality"):
@@ -121,6 +132,6 @@ def test_a_point_that_comes_behind_a_camera_within_gtsams_tolerance_is_let_go() 
     assert factors.drop_those_behind(after)
     assert factors.counts == {"rejected_behind_camera": 2}
     assert factors.live_observations() == 3
-    live, settled = factors.usable(2)
+    live, settled = factors.usable(2, values(3))
     assert live.size() == 1 and settled.size() == 0
     assert len(factors.take_starting_at(0)) == 1
