@@ -98,6 +98,40 @@ def test_images_without_features_and_broken_tracks_are_survived() -> None:
     assert fates(backend.counts) == backend.counts["observations"]
 
 
+@pytest.mark.parametrize(("gap", "at_once"), [(8, False), (15, True)])
+def test_tracks_that_bridge_more_than_a_second_are_used_at_once(gap: int, at_once: bool) -> None:
+    class Spy(Msckf):
+        ending_now = 0
+
+        def _correct(self, due: Sightings, *, still: bool) -> None:
+            stamps = self._state.stamps_ns
+            if len(stamps) > 1 and stamps[-1] - stamps[-2] > 5 * 10**8:
+                last = np.maximum.reduceat(due.view, due.starts)
+                self.ending_now = int((last == len(stamps) - 1).sum())
+            super()._correct(due, still=still)
+
+    whole = record("robot", 3, 12.0)
+    kept = np.r_[0:60, 60 + gap : len(whole.observations)]
+    recording = replace(
+        whole,
+        image_stamps_ns=whole.image_stamps_ns[kept],
+        observations=[whole.observations[k] for k in kept],
+        T_world_imu=whole.T_world_imu[kept],
+        velocity=whole.velocity[kept],
+        gyro_bias=whole.gyro_bias[kept],
+        accel_bias=whole.accel_bias[kept],
+        still=whole.still[kept],
+    )
+    backend = msckf(recording, Spy)
+    result = run(backend, recording, 3)
+    bridging = np.intersect1d(recording.observations[59].ids, recording.observations[60].ids)
+    assert len(bridging) > 5
+    assert isinstance(backend, Spy)
+    assert (backend.ending_now >= len(bridging)) == at_once
+    assert fates(backend.counts) == backend.counts["observations"]
+    assert result.position_error.max() < 1.0
+
+
 @pytest.mark.parametrize("fej", [False, True])
 def test_result_does_not_depend_on_where_the_world_begins(fej: bool) -> None:
     recording = record("robot", 3, 12.0)

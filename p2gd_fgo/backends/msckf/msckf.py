@@ -32,6 +32,7 @@ from p2gd_fgo.geometry.pose import from_rotation_translation
 from p2gd_fgo.imu import UnknownMotion
 from p2gd_fgo.timing import StageTimer
 from p2gd_fgo.types import (
+    NANOSECONDS,
     BoolArray,
     Estimate,
     FloatArray,
@@ -43,6 +44,9 @@ from p2gd_fgo.types import (
 
 _MOST_ROUNDS = 6
 _SMALL_TURN = 1e-3  # rad; the next round would see the points where this one does
+# After so long without an image the tracks that bridge the gap are used at once: they are few, and
+# a wrong match across it goes on to drift until it is lost, and would be due only then.
+_BLIND_NS = NANOSECONDS
 
 
 class Msckf:
@@ -106,6 +110,8 @@ class Msckf:
                 self._correct(self._tracks.take_all(len(self._state) - 1), still=True)
             else:
                 due = self._tracks.add(observations, len(self._state) - 1)
+                if self._state.newest_interval_ns > _BLIND_NS:
+                    due = due.with_others(self._tracks.take_older(len(self._state)))
                 if full:
                     due = due.with_others(self._tracks.take_seen_by_oldest(len(self._state)))
                 self._correct(due, still=False)

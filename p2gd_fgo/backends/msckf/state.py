@@ -94,6 +94,11 @@ class FilterState:
             from_rotation_translation(self.poses.R, self.poses.p),
         )
 
+    @property
+    def newest_interval_ns(self) -> int:
+        """Between the newest two images; 0 at the first."""
+        return self.stamps_ns[-1] - self.stamps_ns[-2] if len(self) > 1 else 0
+
     def newest_covariance(self) -> FloatArray:
         """(15, 15) of the IMU's error."""
         return self.covariance[-ERROR_DIM:, -ERROR_DIM:].copy()

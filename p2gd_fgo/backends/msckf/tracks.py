@@ -1,7 +1,8 @@
 """The tracks of the newest image, and those that are due for an update.
 
-A track is due when it was lost, or when the oldest image of a full window saw it. It leaves whole;
-seen again, it begins anew. So each observation is used once at most.
+A track is due when it was lost, when the oldest image of a full window saw it, or when it bridges a
+long gap between images. It leaves whole; seen again, it begins anew. So each observation is used
+once at most.
 """
 
 from __future__ import annotations
@@ -105,6 +106,10 @@ class TrackTable:
     def take_seen_by_oldest(self, end: int) -> Sightings:
         """Remove and return the tracks that the window's oldest image saw."""
         return self._take(self._first == 0, end)
+
+    def take_older(self, end: int) -> Sightings:
+        """Remove and return the tracks that an image before the newest saw, too."""
+        return self._take(self._first < end - 1, end)
 
     def drop_oldest(self) -> None:
         """The window has lost its oldest image, which no track here has seen."""

@@ -61,6 +61,19 @@ def test_dropping_the_oldest_image_moves_the_views() -> None:
     assert described(table.take_all(3)) == [(1, [2], [0.3]), (2, [0, 1, 2], [0.1, 0.2, 0.3])]
 
 
+def test_what_an_older_image_saw_is_taken_and_what_is_new_stays() -> None:
+    table = TrackTable(4)
+    table.add(image([1, 2], 0.0), 0)
+    table.add(image([1, 2, 3], 0.1), 1)
+    table.add(image([2, 3, 4], 0.2), 2)
+    assert described(table.take_older(3)) == [
+        (2, [0, 1, 2], [0.0, 0.1, 0.2]),
+        (3, [1, 2], [0.1, 0.2]),
+    ]
+    table.add(image([2, 4], 0.3), 3)
+    assert described(table.take_all(4)) == [(2, [3], [0.3]), (4, [2, 3], [0.2, 0.3])]
+
+
 def test_selection_renumbers() -> None:
     table = TrackTable(4)
     table.add(image([1, 2], 0.0), 0)
