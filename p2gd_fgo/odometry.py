@@ -16,6 +16,7 @@ from p2gd_fgo.frontend import Frontend, TrackSummary
 from p2gd_fgo.imu_intake import ImuIntake
 from p2gd_fgo.initialization import imu_history_s, imu_is_quiet, make_initializer, stillness
 from p2gd_fgo.priors import PriorIntake, PriorSource, make_prior_source
+from p2gd_fgo.standing import HeldPosition
 from p2gd_fgo.timing import StageTimer
 from p2gd_fgo.troubles import Trouble, TroubleWatch
 from p2gd_fgo.types import (
@@ -100,6 +101,7 @@ class Odometry:
         self._initializer = make_initializer(config, calibration, noise, truth)
         history_s = max(config.stationary.window_s, imu_history_s(config)) + 0.5
         self._imu = ImuIntake(config.imu, history_s)
+        self._held = HeldPosition(config.stationary.hold_after_s)
         self._watch = TroubleWatch()
         self.troubles: list[Trouble] = []
         self._last_handed: PriorPoses | None = None
@@ -164,7 +166,9 @@ class Odometry:
                 self.tracked = self._track(stamp_ns, image, turn, mask, used=used)
                 still = self._is_still(stamp_ns, used)
             with self.timer.stage("propagate"):
-                predicted = self._backend.propagate(imu, unknown) if state and imu else None
+                predicted = None
+                if state and imu:
+                    predicted = self._held.moved(self._backend.propagate(imu, unknown))
             if used and not self._before_tracking:
                 self.decision = self._decide(predicted, priors)
             with self.timer.stage("extract"):
@@ -225,7 +229,7 @@ class Odometry:
 
     def _update(self, observations: Observations, still: bool) -> Estimate:
         with self.timer.stage("update"):
-            estimate = self._backend.update(observations, still)
+            estimate = self._held.hold(self._backend.update(observations, still))
         check_sane(estimate)
         self._estimate = estimate
         return estimate

@@ -226,6 +226,9 @@ class StationaryConfig(Model):
         "growth of the image): more is a body that creeps",
     )
     min_features: int = Field(10, ge=1, description="features needed for these tests")
+    hold_after_s: Positive | None = Field(
+        3.0, description="of standing, then the reported position stays; null: it may creep"
+    )
 
 
 class SmootherConfig(Model):

@@ -28,7 +28,16 @@ ESTIMATE_ROOMS = (
         "priors",
         "frontend",
     ),
-    *("distribution", "initialization", "backends", "troubles", "odometry", "recorder", "pipeline"),
+    *(
+        "distribution",
+        "initialization",
+        "backends",
+        "standing",
+        "troubles",
+        "odometry",
+        "recorder",
+        "pipeline",
+    ),
     *("evaluation", "experiment"),
 )
 """Whose code can change a record; rendered images have a version of their own."""
