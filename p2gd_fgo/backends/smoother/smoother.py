@@ -109,12 +109,7 @@ class Smoother:
         else:
             self._tracks.add(observations, self._frame)
         try:
-            try:
-                covariance = self._optimize(observations.stamp_ns)
-            except RuntimeError:
-                if not self._tracks.drop_those_behind(self._states.values(self._anchor)):
-                    raise
-                covariance = self._optimize(observations.stamp_ns)
+            covariance = self._optimize_letting_go(observations.stamp_ns)
             estimate = Estimate(
                 self._states.newest(),
                 error_covariance(covariance, self._states.R[-1]),
@@ -184,6 +179,15 @@ class Smoother:
                 X(i), X(j), gtsam.Pose3(), gtsam.noiseModel.Diagonal.Sigmas(np.array(sigmas))
             ),
         ]
+
+    def _optimize_letting_go(self, stamp_ns: int) -> FloatArray:
+        """Optimise; where GTSAM throws on tracks behind a camera, once more without them."""
+        try:
+            return self._optimize(stamp_ns)
+        except RuntimeError:
+            if not self._tracks.drop_those_behind(self._states.values(self._anchor)):
+                raise
+        return self._optimize(stamp_ns)
 
     def _optimize(self, stamp_ns: int) -> FloatArray:
         """Gauss-Newton on the window; the newest state's covariance (15, 15), GTSAM's order.
