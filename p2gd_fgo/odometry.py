@@ -9,6 +9,7 @@ import numpy as np
 
 from p2gd_fgo.backends.base import Backend, check_sane, recent_poses
 from p2gd_fgo.backends.factory import imu_noise, make_backend
+from p2gd_fgo.backends.held_position import HeldPosition
 from p2gd_fgo.config import Config, resolve
 from p2gd_fgo.datasets.base import Calibration
 from p2gd_fgo.distribution import Decision, DistributionContext, Sensors, make_distribution
@@ -16,7 +17,6 @@ from p2gd_fgo.frontend import Frontend, TrackSummary
 from p2gd_fgo.imu_intake import ImuIntake
 from p2gd_fgo.initialization import imu_history_s, imu_is_quiet, make_initializer, stillness
 from p2gd_fgo.priors import PriorIntake, PriorSource, make_prior_source
-from p2gd_fgo.standing import HeldPosition
 from p2gd_fgo.timing import StageTimer
 from p2gd_fgo.troubles import Trouble, TroubleWatch
 from p2gd_fgo.types import (

@@ -64,7 +64,6 @@ def run_features(
     recording: FeatureRecording,
     rng: np.random.Generator | None = None,
     *,
-    start_covariance: FloatArray = START_COVARIANCE,
     stationary: BoolArray | None = None,
     earth_rate: FloatArray | None = None,
 ) -> FeatureRun:
@@ -73,9 +72,7 @@ def run_features(
     Parameters
     ----------
     rng
-        Draws the error of the start from its covariance; None: it starts at the truth.
-    start_covariance
-        (15, 15) what the back end is told about the start.
+        Draws the error of the start from ``START_COVARIANCE``; None: it starts at the truth.
     stationary
         (N,) what a detector of standstill says; never still by default.
     earth_rate
@@ -95,7 +92,7 @@ def run_features(
         recording.accel_bias[0],
     )
     backend.start(
-        start if rng is None else disturbed(start, start_covariance, rng), start_covariance
+        start if rng is None else disturbed(start, START_COVARIANCE, rng), START_COVARIANCE
     )
     estimates: list[Estimate] = []
     for k, observations in enumerate(recording.observations):

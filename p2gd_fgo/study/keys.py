@@ -28,16 +28,7 @@ ESTIMATE_ROOMS = (
         "priors",
         "frontend",
     ),
-    *(
-        "distribution",
-        "initialization",
-        "backends",
-        "standing",
-        "troubles",
-        "odometry",
-        "recorder",
-        "pipeline",
-    ),
+    *("distribution", "initialization", "backends", "troubles", "odometry", "recorder", "pipeline"),
     *("evaluation", "experiment"),
 )
 """Whose code can change a record; rendered images have a version of their own."""

@@ -26,16 +26,7 @@ ROOMS = [
         "datasets",
     ),
     *("atomic_files", "trajectory_files", "simulation", "priors", "frontend", "distribution"),
-    *(
-        "initialization",
-        "doctor",
-        "backends",
-        "standing",
-        "troubles",
-        "odometry",
-        "recorder",
-        "pipeline",
-    ),
+    *("initialization", "doctor", "backends", "troubles", "odometry", "recorder", "pipeline"),
     *("run_directory", "run_record", "evaluation"),
     *("report", "experiment", "study", "cli", "__main__"),
 ]

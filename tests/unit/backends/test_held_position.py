@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from p2gd_fgo.standing import HeldPosition
+from p2gd_fgo.backends.held_position import HeldPosition
 from p2gd_fgo.types import Estimate, NavState, Trajectory
 
 STEP_NS = 10**8
