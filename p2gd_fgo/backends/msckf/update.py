@@ -11,12 +11,10 @@ M is never near singular; and ZᵀZ compresses the rows as a QR would.
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
 from scipy.linalg import cho_solve, cholesky, solve_triangular
-from scipy.stats import chi2
 
+from p2gd_fgo.backends.gate import track_gate
 from p2gd_fgo.backends.msckf.tracks import Sightings
 from p2gd_fgo.types import BoolArray, FloatArray
 
@@ -79,10 +77,5 @@ def gate(Z: FloatArray, r: FloatArray, sightings: Sightings, probability: float)
         rs = r[rows].reshape(len(tracks), 2 * length, 1)
         S = Zs @ np.swapaxes(Zs, -1, -2) + np.eye(2 * length)
         distance = np.sum(rs * np.linalg.solve(S, rs), axis=(1, 2))
-        passed[tracks] = distance < _threshold(probability, 2 * length - 3)
+        passed[tracks] = distance < track_gate(probability, length)
     return passed
-
-
-@cache
-def _threshold(probability: float, degrees: int) -> float:
-    return float(chi2.ppf(probability, degrees))

@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 
 import gtsam
 from gtsam.symbol_shorthand import X
-from scipy.stats import chi2
 
+from p2gd_fgo.backends.gate import track_gate
 from p2gd_fgo.config import SmootherConfig
 from p2gd_fgo.geometry.camera import Camera
 from p2gd_fgo.types import FloatArray, Observations
@@ -66,7 +66,6 @@ class TrackFactors:
         params.setDynamicOutlierRejectionThreshold(config.outlier_px)
         self._params = params
         self._gate = config.gate_probability
-        self._gates: dict[int, float] = {}
         self._tracks: dict[int, Track] = {}
         self._starting_at: dict[int, list[int]] = {}  # frame to the ids of the tracks that begin
         self.counts: Counter[str] = Counter()
@@ -157,8 +156,6 @@ class TrackFactors:
 
     def _passes(self, track: Track, values: gtsam.Values) -> bool:
         """The chi-square gate of n > 1 sightings; what GTSAM finds invalid has no error."""
-        n = len(track.frames)
-        if n not in self._gates:
-            self._gates[n] = float(chi2.ppf(self._gate, 2 * n - 3))
-        # error() is half the squared Mahalanobis norm of 2 n residuals less 3 for the point.
-        return 2.0 * track.factor.error(values) < self._gates[n]
+        # error() is half the squared Mahalanobis norm.
+        gate = track_gate(self._gate, len(track.frames))
+        return 2.0 * track.factor.error(values) < gate
