@@ -15,8 +15,9 @@ $(BIN)/.installed: pyproject.toml
 demo: $(BIN)/.installed  ## render a short drive, run it, print its ATE/RTE table
 	$(BIN)/p2gd-fgo demo --out results/demo --overwrite
 
+# By file, because the tests of a file share what one of them has rendered or run.
 test: $(BIN)/.installed  ## the whole suite
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(JOBS) --dist loadgroup
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(JOBS) --dist loadfile
 
 lint: $(BIN)/.installed  ## format, style, types
 	$(BIN)/ruff format --check .

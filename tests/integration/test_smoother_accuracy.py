@@ -20,9 +20,9 @@ class Dropping(Smoother):
 
 @pytest.mark.parametrize("name", ["car", "robot"])
 def test_exact_measurements_give_the_exact_route(name: str) -> None:
-    recording = record(name, 0, 60.0, noise=False)
+    recording = record(name, 0, 30.0, noise=False)
     result = run(smoother(recording), recording, None)
-    assert len(result.estimates) == 600
+    assert len(result.estimates) == 300
     assert result.position_error.max() < 1e-3
 
 
@@ -35,10 +35,10 @@ def test_exact_when_images_lie_off_the_imu_samples() -> None:
 
 @pytest.mark.parametrize("name", ["car", "robot"])
 def test_covariance_says_how_large_the_errors_are(name: str) -> None:
-    """Pose NEES of ten drives with errors drawn from the covariances, 6 degrees of freedom."""
+    """Pose NEES of six drives with errors drawn from the covariances, 6 degrees of freedom."""
     means = []
-    for seed in range(10):
-        recording = record(name, seed, 20.0)
+    for seed in range(6):
+        recording = record(name, seed, 14.0)
         result = run(smoother(recording), recording, seed)
         means.append(result.nees[SETTLED:].mean())
     assert 4.0 < np.mean(means) < 9.0, means
@@ -46,10 +46,9 @@ def test_covariance_says_how_large_the_errors_are(name: str) -> None:
 
 def test_observations_dropped_instead_of_folded_are_noticed() -> None:
     errors = {Smoother: 0.0, Dropping: 0.0}
-    for seed in (0, 1):
-        recording = record("car", seed, 20.0)
-        for kind in errors:
-            backend = smoother(recording, kind)
-            errors[kind] += run(backend, recording, seed).position_rmse
-            assert (backend.counts.get("marginalized", 0) > 0) == (kind is Smoother)
+    recording = record("car", 0, 20.0)
+    for kind in errors:
+        backend = smoother(recording, kind)
+        errors[kind] = run(backend, recording, 0).position_rmse
+        assert (backend.counts.get("marginalized", 0) > 0) == (kind is Smoother)
     assert errors[Dropping] > 3.0 * errors[Smoother]

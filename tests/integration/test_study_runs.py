@@ -26,8 +26,6 @@ from p2gd_fgo.study.runs import Run
 from p2gd_fgo.study.spec import load_study
 from p2gd_fgo.trajectory_files import read_tum
 
-pytestmark = pytest.mark.xdist_group("study")  # its tests share what one of them has run
-
 _WORKER = "p2gd_fgo.study.worker"
 
 

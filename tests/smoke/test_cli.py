@@ -104,7 +104,6 @@ def process(*arguments: object) -> None:
     subprocess.run(command, check=True, capture_output=True)
 
 
-@pytest.mark.xdist_group("finished run")
 class TestRun:
     def test_run_directory_is_whole(self, done: Path) -> None:
         names = {path.name for path in done.iterdir()}
@@ -223,7 +222,6 @@ class TestRun:
         assert again["ate_m"]["yaw_pos"]["rmse"] == pytest.approx(rmse, rel=1e-6)
 
 
-@pytest.mark.xdist_group("finished run")
 class TestCompare:
     SHORT = ("--set", "dataset.duration_s=3", "--set", "initialization.kind=given")
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import subprocess
+import runpy
 import sys
 from pathlib import Path
 
@@ -16,15 +16,18 @@ def test_every_script_is_run_by_the_one_that_refuses(script: Path) -> None:
     assert script.read_text().endswith('if __name__ == "__main__":\n    run_refusing(main)\n')
 
 
-def test_a_folder_that_is_missing_and_a_setting_without_value(tmp_path: Path) -> None:
+def test_a_folder_that_is_missing_and_a_setting_without_value(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     for name, options, says in (
         ("benchmark", [str(tmp_path / "nowhere")], "nowhere"),
         ("initialization", ["x", "--starts", "a,b"], "--starts a,b: give seconds"),
         ("standstill", ["--set", "backend.window"], "KEY=VALUE"),
     ):
-        done = subprocess.run(
-            [sys.executable, str(SCRIPTS / name / "run.py"), *options],
-            capture_output=True, text=True, check=False,
-        )  # fmt: skip
-        assert done.returncode == 2, done.stderr
-        assert says in done.stderr and len(done.stderr.strip().splitlines()) == 1, done.stderr
+        script = str(SCRIPTS / name / "run.py")
+        monkeypatch.setattr(sys, "argv", [script, *options])
+        with pytest.raises(SystemExit) as ended:
+            runpy.run_path(script, run_name="__main__")
+        error = capsys.readouterr().err
+        assert ended.value.code == 2, error
+        assert says in error and len(error.strip().splitlines()) == 1, error

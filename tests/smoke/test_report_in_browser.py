@@ -20,10 +20,9 @@ playwright = pytest.importorskip("playwright.sync_api", reason="playwright isn't
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 BROWSER = next((path for path in map(shutil.which, NAMES) if path), None)
-pytestmark = [
-    pytest.mark.skipif(BROWSER is None, reason="no chromium and no google-chrome on the PATH"),
-    pytest.mark.xdist_group("browser"),
-]
+pytestmark = pytest.mark.skipif(
+    BROWSER is None, reason="no chromium and no google-chrome on the PATH"
+)
 
 CELLS = "rows => rows.map(row => Array.from(row.cells, cell => cell.textContent.trim()))"
 

@@ -60,13 +60,13 @@ def test_noiseless_samples_give_the_route_back() -> None:
 
 
 def test_covariance_says_how_large_the_errors_are() -> None:
-    """Mean NEES of 15 degrees of freedom over 150 starts and noises, within 4 sigma."""
+    """Mean NEES of 15 degrees of freedom over 80 starts and noises, within 4 sigma."""
     rng = np.random.default_rng(1)
     route = make_route(CAR, 3, rng)
     stamps = samples(route)
     end_ns = BEGIN_NS + 3_000_000_000
     errors, covariances = [], []
-    for _ in range(150):
+    for _ in range(80):
         imu = synthesize_imu(
             route, stamps, MEMS_NOISE, rng, gyro_bias=np.full(3, 0.01), accel_bias=np.full(3, 0.1)
         )
@@ -85,4 +85,4 @@ def test_covariance_says_how_large_the_errors_are() -> None:
         )
         covariances.append(estimate.covariance)
     mean = nees(np.array(errors), np.array(covariances)).mean()
-    assert abs(mean - 15.0) < 4.0 * np.sqrt(2.0 * 15.0 / 150.0)
+    assert abs(mean - 15.0) < 4.0 * np.sqrt(2.0 * 15.0 / 80.0)

@@ -12,7 +12,7 @@ from p2gd_fgo.geometry import so3
 from p2gd_fgo.types import FloatArray, ImuBatch
 
 RNG = np.random.default_rng(3)
-T = np.arange(0.0, 21.0, 0.005)
+T = np.arange(0.0, 15.0, 0.005)
 PHASE = RNG.uniform(0.0, 2.0 * np.pi, (3, 4))
 SPEED = np.array([[1.1, 2.3, 0.7, 3.1], [0.9, 1.7, 2.9, 0.5], [1.3, 0.6, 2.1, 3.7]])
 R_IMU_CAM = so3.exp(np.array([0.1, -0.05, 0.02])) @ np.array(
@@ -38,7 +38,7 @@ def diagnose(
     true = rate(T, size)
     stamps = (T * 1e9).astype(np.int64)
     gyro = true @ matrix.T + [0.02, -0.03, 0.08]
-    begin = np.arange(3.0, 18.0, 0.05)
+    begin = np.arange(3.0, 12.0, 0.05)
     exact = GyroIntegral(ImuBatch(stamps, true, np.zeros_like(true)), 0.1)
     phi = exact.rotation(begin, begin + 0.05) @ R_IMU_CAM
     phi = phi + NOISE * np.random.default_rng(0).standard_normal(phi.shape)
