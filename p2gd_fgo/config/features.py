@@ -39,6 +39,11 @@ class FrontendConfig(Model):
     tracker: Literal["klt", "orb"] = Field(
         "klt", description="klt: optical flow; orb: matching of descriptors"
     )
+    anchor: bool = Field(
+        False,
+        description="move every track to where the patch in which it began fits: no drift from "
+        "image to image",
+    )
     orb_search_px: Positive = Field(
         60.0, description="tracker orb: search radius around where the gyro's rotation points"
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TypeVar
 
 import cv2
@@ -10,6 +9,7 @@ import numpy as np
 
 from p2gd_fgo.config import FrontendConfig
 from p2gd_fgo.errors import ConfigError, DataError
+from p2gd_fgo.frontend.anchors import AnchorPatches
 from p2gd_fgo.frontend.cells import CellGrid
 from p2gd_fgo.frontend.detector import CornerDetector, pixel_values
 from p2gd_fgo.frontend.features import FeatureBuffer
@@ -17,7 +17,8 @@ from p2gd_fgo.frontend.health import ImageHealth, ImageWatch
 from p2gd_fgo.frontend.orb import OrbTracker
 from p2gd_fgo.frontend.outliers import motion_inliers
 from p2gd_fgo.frontend.selection import Selection
-from p2gd_fgo.frontend.tracker import KltTracker, Tracker
+from p2gd_fgo.frontend.track_summary import TrackSummary
+from p2gd_fgo.frontend.tracker import Flow, KltTracker, Tracker
 from p2gd_fgo.geometry.camera import Camera
 from p2gd_fgo.types import BoolArray, FloatArray, Image, IntArray, Observations
 
@@ -25,30 +26,6 @@ _THRESHOLD_OFFSETS = (0, 1, -1)  # of the FAST threshold, by seed modulo 3
 _MIN_DEPTH = 1e-2  # of a rotated unit-depth ray; beyond, there is no prediction
 
 T = TypeVar("T")
-
-
-@dataclass(frozen=True, slots=True)
-class TrackSummary:
-    """What became of the previous image's features.
-
-    Attributes
-    ----------
-    tracked
-        Found again and kept.
-    consumed
-        Reached the maximum length in the previous image; tracked or lost like any other if they
-        are continued.
-    lost_klt, lost_forward_backward, lost_outside, lost_outlier
-        Not found by the tracker, whichever it is; not found on the way back; left the image or
-        went under a mask; against the motion of the rest.
-    """
-
-    tracked: int = 0
-    consumed: int = 0
-    lost_klt: int = 0
-    lost_forward_backward: int = 0
-    lost_outside: int = 0
-    lost_outlier: int = 0
 
 
 class Frontend:
@@ -108,6 +85,7 @@ class Frontend:
         self._watch = ImageWatch()
         fast_threshold = config.fast_threshold + _THRESHOLD_OFFSETS[seed % 3]
         self._tracker = _tracker(config, fast_threshold)
+        self._anchors = AnchorPatches(config.klt_window_px) if config.anchor else None
         self.grid = CellGrid(columns, rows, camera.width, camera.height)
         self._min_distance_px = _resolved(config.min_distance_px, "min_distance_px")
         self._detector = CornerDetector(
@@ -178,8 +156,9 @@ class Frontend:
 
         guess = self._predicted(R_cam_prev) if self._config.predict_flow else None
         flow = self._tracker.track(previous, self._image, buffer.pixels, guess)
-        inside = flow.consistent & self._permitted(flow.pixels)
-        normalized = self._camera.undistort(flow.pixels[inside])
+        pixels = self._anchored(previous, self._image, flow)
+        inside = flow.consistent & self._permitted(pixels)
+        normalized = self._camera.undistort(pixels[inside])
         inlier = motion_inliers(
             buffer.normalized[inside],
             normalized,
@@ -190,7 +169,7 @@ class Frontend:
         )
         buffer.keep(inside)
         buffer.keep(inlier)
-        buffer.advance(stamp_ns, flow.pixels[inside][inlier], normalized[inlier])
+        buffer.advance(stamp_ns, pixels[inside][inlier], normalized[inlier])
         found, consistent = int(flow.found.sum()), int(flow.consistent.sum())
         return TrackSummary(
             tracked=len(buffer),
@@ -279,6 +258,18 @@ class Frontend:
         usable = (rays[:, 2] > _MIN_DEPTH) & (np.hypot(x, y) < self._camera.max_radius)
         pixels = self._camera.distort(np.where(usable[:, None], np.column_stack([x, y]), here))
         return np.where(usable[:, None], pixels, self.buffer.pixels)
+
+    def _anchored(self, previous: Image, current: Image, flow: Flow) -> FloatArray:
+        """The flow's pixels (N, 2), drift taken out where the configuration asks for it."""
+        if self._anchors is None:
+            return flow.pixels
+        ids = self.buffer.ids
+        self._anchors.keep(ids)
+        self._anchors.begin(previous, ids, self.buffer.pixels)
+        pixels = flow.pixels.copy()
+        followed = flow.consistent
+        pixels[followed], _ = self._anchors.align(current, ids[followed], pixels[followed])
+        return pixels
 
     def _permitted(self, pixels: FloatArray) -> BoolArray:
         inside = self._camera.inside(pixels)
