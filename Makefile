@@ -15,9 +15,10 @@ $(BIN)/.installed: pyproject.toml
 demo: $(BIN)/.installed  ## render a short drive, run it, print its ATE/RTE table
 	$(BIN)/p2gd-fgo demo --out results/demo --overwrite
 
-# By file, because the tests of a file share what one of them has rendered or run.
+# By file, because the tests of a file share what one of them has rendered or run; in the order of their
+# names, because those with few tests are the long ones.
 test: $(BIN)/.installed  ## the whole suite
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(JOBS) --dist loadfile
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
 
 lint: $(BIN)/.installed  ## format, style, types
 	$(BIN)/ruff format --check .
