@@ -242,7 +242,7 @@ def _announce(console: Console, plan: Plan, todo: int, folder: Path) -> None:
 
 
 def _summary(console: Console, spec: StudySpec, records: list[RunRecord], folder: Path) -> None:
-    from p2gd_fgo.report.study_table import study_table
+    from p2gd_fgo.report.study_table import FULL_WIDTH, study_table
 
     count = Counter(record.status for record in records)
     codes = {record.code for record in records}
@@ -260,4 +260,6 @@ def _summary(console: Console, spec: StudySpec, records: list[RunRecord], folder
             )  # fmt: skip
     if spec.pairing is not None:
         paired = spec.pairing
+        if not console.is_terminal:
+            console.width = max(console.width, FULL_WIDTH)
         console.print(study_table(records, paired.axis, paired.baseline, console.width))

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from rich import box
-from rich.console import Group, RenderableType
+from rich.console import Console, Group, RenderableType
 from rich.rule import Rule
 from rich.table import Table
 from rich.text import Text
@@ -23,7 +23,7 @@ from p2gd_fgo.report.statements import Statement, sentences
 from p2gd_fgo.run_record import Label, RunRecord
 
 TABLE_MEASURES = ("ate", "ate_origin", "are", "rte_10")
-"""What fits into ``FULL_WIDTH`` columns of text; narrower terminals get one less."""
+_DISPENSABLE = ("rte_10", "ate_origin", "are")  # where they don't fit, in this order
 
 FULL_WIDTH = 100
 _CLAIMED = ("ate", "are")
@@ -46,6 +46,10 @@ class _Block:
         return " · ".join([self.group, *(f"{name} {label}" for name, label in self.rest.items())])
 
 
+_Contrasts = dict[tuple[Label, str], Contrast | None]
+"""By label and measure; None: no run of one of the two yet."""
+
+
 def study_table(
     records: Sequence[RunRecord], axis: str, baseline: Label, width: int = FULL_WIDTH
 ) -> RenderableType:
@@ -58,20 +62,19 @@ def study_table(
     axis, baseline
         What is compared, and with what.
     width
-        Of the terminal.
+        Of the terminal; where it is too small for all measures, the last ones are left out.
     """
-    names = TABLE_MEASURES if width >= FULL_WIDTH else TABLE_MEASURES[:-1]
-    measures = [measure(name) for name in names]
+    measures = [measure(name) for name in TABLE_MEASURES]
+    compared = [_compared(block, axis, baseline, measures) for block in _blocks(records, axis)]
+    wide = Console(width=10 * FULL_WIDTH)
+    for name in ("", *_DISPENSABLE):
+        measures = [m for m in measures if m.name != name]
+        tables = [_table(each, axis, measures) for each in compared]
+        if all(wide.measure(table).maximum <= width for table in tables):
+            break
     parts: list[RenderableType] = []
     statements: list[Statement] = []
-    for block in _blocks(records, axis):
-        labels = _labels(block.records, axis, baseline)
-        contrasts = {
-            (label, m.name): _contrast(block, axis, baseline, label, m)
-            for label in labels[1:]
-            for m in measures
-        }
-        table = _table(block, axis, labels, measures, contrasts)
+    for (block, _, contrasts), table in zip(compared, tables, strict=True):
         parts += ["", Text(block.title, style="italic"), table]
         for (label, name), found in contrasts.items():
             if found is not None and name in _CLAIMED:
@@ -124,13 +127,25 @@ def _contrast(
         return None
 
 
+def _compared(
+    block: _Block, axis: str, baseline: Label, measures: Sequence[Measure]
+) -> tuple[_Block, list[Label], _Contrasts]:
+    labels = _labels(block.records, axis, baseline)
+    return (
+        block,
+        labels,
+        {
+            (label, m.name): _contrast(block, axis, baseline, label, m)
+            for label in labels[1:]
+            for m in measures
+        },
+    )
+
+
 def _table(
-    block: _Block,
-    axis: str,
-    labels: Sequence[Label],
-    measures: Sequence[Measure],
-    contrasts: dict[tuple[Label, str], Contrast | None],
+    compared: tuple[_Block, list[Label], _Contrasts], axis: str, measures: Sequence[Measure]
 ) -> Table:
+    block, labels, contrasts = compared
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column(axis, min_width=max(len(axis), *(len(str(label)) for label in labels)))
     table.add_column("runs", justify="right", no_wrap=True)
@@ -158,7 +173,7 @@ def _route_table(records: Sequence[RunRecord], chosen: Measure) -> Table | None:
     if len(ways) > _MOST_COLUMNS:
         return None
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    table.add_column("route")
+    table.add_column("route", min_width=max(len(record.route) for record in records))
     for way in ways:
         table.add_column("\n".join(map(str, way)), justify="right")
     for group in dict.fromkeys(record.group for record in records):

@@ -228,3 +228,29 @@ def test_the_table_of_a_study_has_it_in_every_block() -> None:
         block = text.partition(f"car · backend {backend}\n")[2].partition("\n\n")[0]
         assert re.search(r"Peer +3/3 .*\n +\+\d", block), block
         assert f"• car · backend {backend}, Peer against grid, ATE +" in text
+
+
+@pytest.mark.parametrize(
+    ("width", "heads"),
+    [
+        (130, ["ATE m", "ATE origin m", "ARE °", "RTE 10 m %"]),
+        (80, ["ATE m", "ARE °"]),
+    ],
+)
+def test_the_table_of_a_study_leaves_measures_out_and_cuts_none(
+    width: int, heads: list[str]
+) -> None:
+    runs = as_studied(records(groups=["car"], routes=3, seeds=2, noise=0.02))
+    long = [
+        replace(r, axes={**r.axes, "distribution": "p2gd + floor + refill"})
+        for r in runs
+        if r.axes["distribution"] == "p2gd"
+    ]
+    console = Console(width=width, record=True, file=io.StringIO())
+    console.print(study_table([*runs, *long], "distribution", "grid", width))
+    text = console.export_text()
+    assert max(map(len, text.splitlines())) <= width and "…" not in text
+    blocks = [line for line in text.splitlines() if line.split()[:2] == ["distribution", "runs"]]
+    assert len(blocks) == 2
+    assert all(re.split(r"  +", line.strip())[2:] == heads for line in blocks), blocks
+    assert len(re.findall(r"^ +[−+\d].*%.*\] *$", text, re.MULTILINE)) == 4
