@@ -13,10 +13,14 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import argparse
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from p2gd_fgo.backends.msckf.state import Poses
+from p2gd_fgo.backends.msckf.tracks import Sightings
+from p2gd_fgo.backends.msckf.triangulation import triangulate
 from p2gd_fgo.cli.options import read_settings
 from p2gd_fgo.cli.refusing import run_refusing
 from p2gd_fgo.config import load_config, override
@@ -51,23 +55,17 @@ def residuals(sightings: FloatArray, T_world_cam: FloatArray) -> tuple[FloatArra
     """
     R, c = T_world_cam[..., :3, :3], T_world_cam[..., :3, 3]
     N, V = sightings.shape[:2]
-    rays = (R @ np.concatenate([sightings, np.ones((N, V, 1))], axis=2)[..., None])[..., 0]
-    rays /= np.linalg.norm(rays, axis=2, keepdims=True)
-    A = np.eye(3) - rays[..., :, None] * rays[..., None, :]
-    normal = A.sum(axis=1) + 1e-12 * np.eye(3)
-    point = np.linalg.solve(normal, (A @ c[..., None]).sum(axis=1))[..., 0]
-    usable = np.ones(N, np.bool_)
-    for _ in range(STEPS):
-        local = (np.swapaxes(R, 2, 3) @ (point[:, None] - c)[..., None])[..., 0]
-        usable &= (local[..., 2] > LEAST_DEPTH_M).all(axis=1)
-        z = np.maximum(local[..., 2], LEAST_DEPTH_M)
-        r = sightings - local[..., :2] / z[..., None]
-        J = np.zeros((N, V, 2, 3))
-        J[..., 0, 0] = J[..., 1, 1] = 1.0 / z
-        J[..., 2] = -local[..., :2] / z[..., None] ** 2
-        J = (J @ np.swapaxes(R, 2, 3)).reshape(N, 2 * V, 3)
-        step = np.linalg.pinv(J, rcond=1e-9) @ r.reshape(N, 2 * V, 1)
-        point = point + step[..., 0]
+    table = Sightings.of_table(sightings, np.zeros(N, np.int64), V)
+    each = replace(table, view=np.arange(N * V))  # every sighting has a camera of its own
+    points = triangulate(each, Poses(R.reshape(-1, 3, 3), c.reshape(-1, 3)), STEPS)
+    local = (np.swapaxes(R, 2, 3) @ (points.position[:, None] - c)[..., None])[..., 0]
+    usable = points.in_front & (local[..., 2] > LEAST_DEPTH_M).all(axis=1)
+    z = np.maximum(local[..., 2], LEAST_DEPTH_M)
+    r = sightings - local[..., :2] / z[..., None]
+    J = np.zeros((N, V, 2, 3))
+    J[..., 0, 0] = J[..., 1, 1] = 1.0 / z
+    J[..., 2] = -local[..., :2] / z[..., None] ** 2
+    J = (J @ np.swapaxes(R, 2, 3)).reshape(N, 2 * V, 3)
     singular = np.linalg.svd(J, compute_uv=False)
     usable &= singular[:, 2] ** 2 > LEAST_INFORMATION * singular[:, 0] ** 2
     usable &= np.sqrt((r**2).mean(axis=(1, 2))) < MOST_RAD

@@ -67,9 +67,9 @@ def study_table(
     measures = [measure(name) for name in TABLE_MEASURES]
     compared = [_compared(block, axis, baseline, measures) for block in _blocks(records, axis)]
     wide = Console(width=10 * FULL_WIDTH)
-    for name in ("", *_DISPENSABLE):
-        measures = [m for m in measures if m.name != name]
-        tables = [_table(each, axis, measures) for each in compared]
+    for count in range(len(_DISPENSABLE) + 1):
+        shown = [m for m in measures if m.name not in _DISPENSABLE[:count]]
+        tables = [_table(each, axis, shown) for each in compared]
         if all(wide.measure(table).maximum <= width for table in tables):
             break
     parts: list[RenderableType] = []
