@@ -22,6 +22,7 @@ def test_a_folder_that_is_missing_and_a_setting_without_value(
     for name, options, says in (
         ("benchmark", [str(tmp_path / "nowhere")], "nowhere"),
         ("initialization", ["x", "--starts", "a,b"], "--starts a,b: give seconds"),
+        ("pixel_noise", ["x", "--tracks", "tied"], "--tracks tied: there are free and anchored"),
         ("standstill", ["--set", "backend.window"], "KEY=VALUE"),
     ):
         script = str(SCRIPTS / name / "run.py")
