@@ -8,6 +8,7 @@ from p2gd_fgo.evaluation.bootstrap import MIN_ROUTES, Effect, EffectKind
 from p2gd_fgo.evaluation.paired import Comparison
 
 _MINUS = "\u2212"
+_MOST_PERCENT = 999.0  # few routes can leave an end anywhere; beyond, its digits say nothing
 
 
 def claim(
@@ -80,6 +81,8 @@ def _number(value: float, effect: Effect, unit: str) -> str:
     if not math.isfinite(value):
         return "?"
     scale = 1.0 if effect.kind == "difference" else 100.0
+    if effect.kind != "difference" and scale * value > _MOST_PERCENT:
+        return f"> +{_MOST_PERCENT:.0f}"
     ends = [abs(scale * v) for v in (effect.low, effect.high) if math.isfinite(v) and v]
     smallest = min(ends, default=abs(scale * value))
     if effect.kind == "difference":

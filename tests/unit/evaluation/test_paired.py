@@ -144,6 +144,11 @@ def test_claims_are_worded_by_their_interval() -> None:
     assert claim("ATE", tiny) == "ATE +0.1 % [+0.1, +0.2], n = 30 over 12 routes"
 
 
+def test_an_end_that_three_routes_leave_anywhere_has_no_digits() -> None:
+    found = compare_pairs(np.ones(3), np.array([0.1, 1.0, 30.0]), list("abc"))
+    assert span(found.effects["geometric"]) == "+44 % [−98, > +999]"
+
+
 def test_shares_have_differences_but_no_ratios() -> None:
     a = np.zeros(12)
     found = compare_pairs(a, a + 0.1, list(range(12)), lower_is_better=False)
