@@ -28,9 +28,9 @@ from p2gd_fgo.evaluation.alignment import align_yaw_pos
 from p2gd_fgo.evaluation.consistency import nees, pose_error
 from p2gd_fgo.geometry.pose import interpolate
 from p2gd_fgo.pipeline import run_sequence
+from p2gd_fgo.types import NANOSECONDS
 
 SETTLED_S = 5.0  # since the start; before, what is claimed is the start's
-NANOSECONDS_PER_S = 1e9
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ def drive(path: str, settings: dict[str, object]) -> Drive:
     reference = interpolate(truth, stamps[inside])
     aligned = align_yaw_pos(T, reference).apply(T)
     left = pose_error(aligned, reference)
-    settled = stamps[inside] > stamps[0] + SETTLED_S * NANOSECONDS_PER_S
+    settled = stamps[inside] > stamps[0] + SETTLED_S * NANOSECONDS
     squares = nees(pose_error(T, reference)[settled], P[settled, :6, :6])
     return Drive(
         float(np.sqrt(np.mean(np.sum(left[:, 3:] ** 2, axis=1)))),
