@@ -160,7 +160,7 @@ class _Frames:
         with atomic_path(mask) as part:
             write_png(part, rendering.mask())
         with atomic_path(image) as part:
-            write_png(part, studio.expose(rendering, index))
+            write_png(part, studio.expose(rendering, index), compress=False)
 
 
 _studio: Studio | None = None

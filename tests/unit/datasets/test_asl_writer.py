@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
 from p2gd_fgo.config.models import DatasetConfig
-from p2gd_fgo.datasets.asl_writer import write_asl
+from p2gd_fgo.datasets.asl_writer import write_asl, write_png
 from p2gd_fgo.datasets.base import Calibration, ImuNoise
 from p2gd_fgo.datasets.opening import open_sequence
 from p2gd_fgo.geometry import so3
@@ -84,3 +85,13 @@ def test_no_truth_and_too_few_images(tmp_path: Path) -> None:
     assert open_sequence(DatasetConfig(path=str(tmp_path / "made"))).truth is None
     with pytest.raises(ValueError, match="shorter"):
         write_asl(tmp_path / "c", calibration, FRAMES, images[:2], imu, truth)
+
+
+def test_image_without_compression(tmp_path: Path) -> None:
+    image = np.full((24, 32), 7, np.uint8)
+    for compress in (True, False):
+        write_png(tmp_path / f"{compress}.png", image, compress=compress)
+        read = cv2.imread(str(tmp_path / f"{compress}.png"), cv2.IMREAD_UNCHANGED)
+        np.testing.assert_array_equal(read, image)
+    small, large = ((tmp_path / f"{c}.png").stat().st_size for c in (True, False))
+    assert small < image.size < large
