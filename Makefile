@@ -24,6 +24,7 @@ lint: $(BIN)/.installed  ## format, style, types
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
+	MYPYPATH=experiments/doctor $(BIN)/mypy --explicit-package-bases experiments  # each has a run.py
 
 format: $(BIN)/.installed
 	$(BIN)/ruff format .

@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import yaml
@@ -22,7 +23,7 @@ TRUTH = ("state_groundtruth_estimate0", "mocap0")
 class Copy:
     """The tables and files of a recording, in memory: stamps apart from the numbers."""
 
-    camera: dict[str, object]
+    camera: dict[str, Any]
     images: list[tuple[int, str]]
     imu_stamps: np.ndarray
     imu: FloatArray

@@ -28,10 +28,9 @@ from p2gd_fgo.timing import StageTimer  # noqa: E402
 PRESET = "kaist_like"
 LATITUDE_DEG, HEADING_DEG = 37.0, 30.0
 DENSITIES = ("gyro_noise_density", "gyro_random_walk", "accel_noise_density", "accel_random_walk")
-QUIET: dict[str, object] = {f"imu.{name}": 0.0 for name in DENSITIES} | {
-    "imu.gyro_bias_sigma": 0.0,
-    "imu.accel_bias_sigma": 0.0,
-}
+QUIET: dict[str, object] = dict.fromkeys(
+    [f"imu.{name}" for name in (*DENSITIES, "gyro_bias_sigma", "accel_bias_sigma")], 0.0
+)
 TURNING: dict[str, object] = {
     "imu.earth_rotation": True,
     "imu.latitude_deg": LATITUDE_DEG,

@@ -28,7 +28,7 @@ def longest_standstill(positions: FloatArray) -> tuple[int, int]:
     """First and last image (N, 3) of it."""
     moving = np.linalg.norm(np.diff(positions, axis=0), axis=1) > STILL_M
     ends = np.flatnonzero(np.concatenate([[True], moving, [True]]))
-    return max(((a, b - 1) for a, b in pairwise(ends)), key=lambda span: span[1] - span[0])
+    return max(((a, b - 1) for a, b in pairwise(ends.tolist())), key=lambda span: span[1] - span[0])
 
 
 def main() -> None:

@@ -72,9 +72,10 @@ def main() -> None:
     options = parser.parse_args()
     settings = read_settings(options.set)
     config = override(load_config(), {"backend.kind": options.backend, **settings})
-    stops = STOPS
+    stops = list(STOPS)
     if options.stop:
-        stops = ((options.stop[1] + 2.0, *options.stop),)
+        begin_s, end_s = options.stop
+        stops = [(end_s + 2.0, begin_s, end_s)]
     write = sys.stdout.write
     write(
         "| stop s | seed | moved m | from recognition on m | expected m | from 3 s on m "

@@ -62,10 +62,10 @@ def residuals(sightings: FloatArray, T_world_cam: FloatArray) -> tuple[FloatArra
     usable = points.in_front & (local[..., 2] > LEAST_DEPTH_M).all(axis=1)
     z = np.maximum(local[..., 2], LEAST_DEPTH_M)
     r = sightings - local[..., :2] / z[..., None]
-    J = np.zeros((N, V, 2, 3))
-    J[..., 0, 0] = J[..., 1, 1] = 1.0 / z
-    J[..., 2] = -local[..., :2] / z[..., None] ** 2
-    J = (J @ np.swapaxes(R, 2, 3)).reshape(N, 2 * V, 3)
+    by_point = np.zeros((N, V, 2, 3))
+    by_point[..., 0, 0] = by_point[..., 1, 1] = 1.0 / z
+    by_point[..., 2] = -local[..., :2] / z[..., None] ** 2
+    J = (by_point @ np.swapaxes(R, 2, 3)).reshape(N, 2 * V, 3)
     singular = np.linalg.svd(J, compute_uv=False)
     usable &= singular[:, 2] ** 2 > LEAST_INFORMATION * singular[:, 0] ** 2
     usable &= np.sqrt((r**2).mean(axis=(1, 2))) < MOST_RAD
