@@ -24,8 +24,8 @@ from p2gd_fgo.cli.refusing import run_refusing
 from p2gd_fgo.config import load_config, override
 from p2gd_fgo.datasets import open_sequence
 from p2gd_fgo.errors import ConfigError, DataError
-from p2gd_fgo.evaluation.alignment import align_yaw_pos
 from p2gd_fgo.evaluation.consistency import nees, pose_error
+from p2gd_fgo.evaluation.evaluate import evaluate
 from p2gd_fgo.geometry.pose import interpolate
 from p2gd_fgo.pipeline import run_sequence
 from p2gd_fgo.types import NANOSECONDS
@@ -54,15 +54,13 @@ def drive(path: str, settings: dict[str, object]) -> Drive:
     inside = (stamps >= truth.stamps_ns[0]) & (stamps <= truth.stamps_ns[-1])
     T, P = result.estimate.T_world_imu[inside], result.covariances[inside]
     reference = interpolate(truth, stamps[inside])
-    aligned = align_yaw_pos(T, reference).apply(T)
-    left = pose_error(aligned, reference)
     settled = stamps[inside] > stamps[0] + SETTLED_S * NANOSECONDS
     squares = nees(pose_error(T, reference)[settled], P[settled, :6, :6])
-    return Drive(
-        float(np.sqrt(np.mean(np.sum(left[:, 3:] ** 2, axis=1)))),
-        float(np.degrees(np.sqrt(np.mean(np.sum(left[:, :3] ** 2, axis=1))))),
-        float(squares.mean()),
-    )
+    metrics = evaluate(
+        result.estimate, truth, frames_total=None, config=config.evaluation
+    ).to_json()
+    ate, are = (metrics[name]["yaw_pos"]["rmse"] for name in ("ate_m", "are_deg"))
+    return Drive(ate, are, float(squares.mean()))
 
 
 def main() -> None:
