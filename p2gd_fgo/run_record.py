@@ -13,10 +13,14 @@ from typing import Any, Literal
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
+from p2gd_fgo.atomic_files import write_text
 from p2gd_fgo.errors import DataError
 
 RESULTS = "results.jsonl"
 """Name of the file in a study's folder."""
+
+PLAN = "plan.json"
+"""Beside it: the keys of the runs that the study named when it was last run."""
 
 SCHEMA: Literal[1] = 1
 Label = str | int | float | bool
@@ -146,17 +150,47 @@ def read_records(path: Path) -> list[RunRecord]:
         The file can't be read, or a line is no record.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        whole, _, _torn = path.read_bytes().rpartition(b"\n")  # torn in a character, it may be
+        text = whole.decode("utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise DataError(f"{path}: the records can't be read: {error}") from None
-    whole, _, _torn = text.rpartition("\n")
     found: dict[str, RunRecord] = {}
-    for number, line in enumerate(whole.split("\n"), 1):
+    for number, line in enumerate(text.split("\n"), 1):
         if line.strip():
             record = RunRecord.from_json(line, f"{path}, line {number},")
             found.pop(record.key, None)
             found[record.key] = record
     return list(found.values())
+
+
+def write_plan(folder: Path, keys: Iterable[str]) -> None:
+    """Say which lines of a folder's results are the study's; other ones are of earlier settings.
+
+    Raises
+    ------
+    OSError
+        It can't be written.
+    """
+    write_text(folder / PLAN, json.dumps({"runs": list(keys)}, indent=0) + "\n")
+
+
+def read_plan(folder: Path) -> frozenset[str] | None:
+    """The keys that :func:`write_plan` wrote; None without such a file.
+
+    Raises
+    ------
+    DataError
+        The file is damaged.
+    """
+    path = folder / PLAN
+    if not path.is_file():
+        return None
+    try:
+        return frozenset(map(str, json.loads(path.read_bytes())["runs"]))
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise DataError(
+            f"{path}: is no list of a study's runs ({error}): delete it, 'study run' writes it anew"
+        ) from None
 
 
 def canonical(records: Iterable[RunRecord], *, timing: bool = False) -> str:

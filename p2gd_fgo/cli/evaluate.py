@@ -11,6 +11,7 @@ from rich.console import Console
 
 from p2gd_fgo.config import override
 from p2gd_fgo.config.loading import load_config
+from p2gd_fgo.errors import ConfigError
 from p2gd_fgo.threads import set_thread_environment
 
 
@@ -47,4 +48,9 @@ def evaluate(
     )
     Console().print(evaluate_table(metrics))
     if as_json is not None:
-        write_text(as_json, json.dumps(metrics.to_json(), indent=2, sort_keys=True) + "\n")
+        try:
+            write_text(as_json, json.dumps(metrics.to_json(), indent=2, sort_keys=True) + "\n")
+        except OSError as error:
+            raise ConfigError(
+                f"--json {as_json}: can't be written ({error.strerror}): name another file"
+            ) from None

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, get_args
 import typer
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from p2gd_fgo.errors import ConfigError
 from p2gd_fgo.study.spec import FULL, StudySpec, load_study
@@ -167,7 +168,7 @@ def status(
         found = [record for record in known if record.group == group]
         count = Counter("older code" if r.key in left else r.status for r in found)
         count["to do"] = sum(row.group == group for row in plan.rows) - len(found)
-        table.add_row(group, *(str(count[state] or "") for state in states))
+        table.add_row(Text(group), *(str(count[state] or "") for state in states))
     console.print(table)
     others = len(records) - len(known)
     if others:

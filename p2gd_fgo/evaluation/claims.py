@@ -50,9 +50,22 @@ def claim(
     worst = found.penalised.get(kind) if left_out else None
     if worst is not None:
         left_out += f", {span(worst, unit)} with the worst run in their place"
-    shown = effect.verdict != "not shown" and (worst is None or worst.verdict == effect.verdict)
+    shown = is_shown(found, kind)
     said = f"{name} " if shown else f"{name}: no difference shown, "
     return f"{said}{span(effect, unit)}, {size}{left_out}"
+
+
+def is_shown(found: Comparison, kind: EffectKind) -> bool:
+    """Whether a difference may be claimed, by the rule of :func:`claim`.
+
+    Where no way of a measure is the better one there is no worst run: whole pairs decide alone.
+    """
+    effect, worst = found.effects.get(kind), found.penalised.get(kind)
+    if effect is None or effect.verdict == "not shown":
+        return False
+    if found.pairs == found.whole or found.better_share is None:
+        return True
+    return worst is not None and worst.verdict == effect.verdict
 
 
 def span(effect: Effect, unit: str = "") -> str:

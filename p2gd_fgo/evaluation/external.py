@@ -7,12 +7,14 @@ import json
 from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
+
 from p2gd_fgo.config.models import EvaluationConfig
 from p2gd_fgo.errors import ConfigError, DataError
 from p2gd_fgo.evaluation.evaluate import evaluate
 from p2gd_fgo.run_record import Label, RunRecord
 from p2gd_fgo.trajectory_files import format_tum, read_trajectory
-from p2gd_fgo.types import Trajectory
+from p2gd_fgo.types import IntArray, Trajectory
 
 ITS_OWN = "its own"
 """What tables show where our runs name their choice."""
@@ -47,6 +49,7 @@ def external_record(
     *,
     sequence: str,
     frames_total: int | None = None,
+    image_stamps_ns: IntArray | None = None,
     config: EvaluationConfig | None = None,
     study: str = "",
     axes: Mapping[str, Label] | None = None,
@@ -67,8 +70,11 @@ def external_record(
     sequence, study, axes, route, group, seed
         As in the record; ``axes`` is by default ``{"backend": name}``, ``route`` the sequence.
     frames_total
-        Images in the recording, for the completeness. An estimator that writes a pose for every
-        IMU sample has more, and then the completeness is 1 at most.
+        Images in the recording, for the completeness; unknown where the poses are more.
+    image_stamps_ns
+        (N,) of all images, on the IMU's clock, instead of their number. The completeness is the
+        share of images with a pose no further away than the next image: an estimator may write one
+        for every IMU sample, or for every other image.
     config
         Main alignment, lengths and tolerance; by default the package's.
 
@@ -91,8 +97,9 @@ def external_record(
     except DataError as error:
         status, reason = "failed", f"{trajectory_file}: {error}"
         metrics = evaluate(estimate, None, frames_total=frames_total, config=config).to_json()
-    if metrics["completeness"] is not None:
-        metrics["completeness"] = min(1.0, metrics["completeness"])
+    if image_stamps_ns is not None:
+        metrics["frames_total"] = len(image_stamps_ns)
+        metrics["completeness"] = _share_reached(image_stamps_ns, estimate.stamps_ns)
     metrics |= {
         "name": sequence, "status": status, "reason": reason, "start": None, "seed": seed,
         "backend": name, "distribution": ITS_OWN,
@@ -111,3 +118,13 @@ def external_record(
         reason=reason,
         metrics=metrics,
     )
+
+
+def _share_reached(images_ns: IntArray, poses_ns: IntArray) -> float:
+    """Share of the images with a pose within the median time between two images."""
+    if len(images_ns) < 2 or not len(poses_ns):
+        return 0.0
+    after = np.searchsorted(poses_ns, images_ns)
+    beside = np.clip(np.stack([after - 1, after]), 0, len(poses_ns) - 1)
+    distance = np.abs(poses_ns[beside] - images_ns).min(axis=0)
+    return float(np.mean(distance <= np.median(np.diff(images_ns))))

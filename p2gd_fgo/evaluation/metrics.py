@@ -89,8 +89,13 @@ class Metrics:
 
     @property
     def completeness(self) -> float | None:
-        """Share of the recording's images with an online estimate."""
-        return self.frames / self.frames_total if self.frames_total else None
+        """Share of the recording's images with an online estimate.
+
+        None where the estimates are more than the images, and so can't be one for each.
+        """
+        if not self.frames_total or self.frames > self.frames_total:
+            return None
+        return self.frames / self.frames_total
 
     @property
     def truth_coverage(self) -> float | None:

@@ -103,8 +103,9 @@ class Comparison:
     effects
         By kind, over whole pairs; a kind that means nothing is absent.
     penalised
-        The same over all pairs, with the worst value of all runs for every run without one; equal
-        to ``effects`` where none is missing, empty where nothing says which way is worse.
+        The same over all pairs, with the worst value of its group for every run without one; equal
+        to ``effects`` where none is missing, empty where nothing says which way is worse. A group
+        in which no run has a value is not among them.
     p_value
         Of Wilcoxon's signed-rank test on the routes' log ratios of means (of differences where
         there are no ratios), two-sided; None below two routes.
@@ -234,7 +235,10 @@ def _penalised(
     group: Sequence[object] | None,
     lower_is_better: bool | None,
 ) -> PairsByRoute | None:
-    """All pairs, with the worst value of the group where there is none; None where none has one."""
+    """All pairs, with the worst value of the group where there is none.
+
+    A group in which no run has a value has no worst one: it is left out. None where all are.
+    """
     if lower_is_better is None:
         return None
     names = np.array([""] * len(a) if group is None else [str(name) for name in group])
@@ -243,10 +247,11 @@ def _penalised(
         here = filled[:, names == name]
         known = here[np.isfinite(here)]
         if not len(known):
-            return None
+            continue
         worst = known.max() if lower_is_better else known.min()
         filled[:, names == name] = np.where(np.isfinite(here), here, worst)
-    return by_route(filled[0], filled[1], labels)
+    full = np.isfinite(filled).all(axis=0)
+    return by_route(filled[0, full], filled[1, full], labels[full]) if full.any() else None
 
 
 def _better_share(a: FloatArray, b: FloatArray, lower_is_better: bool | None) -> float | None:

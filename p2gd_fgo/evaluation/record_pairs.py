@@ -113,6 +113,8 @@ def pair_records(
                 f"{len(left)} and {len(right)} runs of route {left[0].route}, seed {left[0].seed} "
                 f"fit {dict(a)} and {dict(b)}: name more axes, so that each side has one"
             )
+        _check_distinct(left)
+        _check_distinct(right)
         pairs += [(x, y) for x in left for y in right]
     if any(x is y for x, y in pairs):
         raise ConfigError(f"{dict(a)} and {dict(b)} share runs: name what they differ in")
@@ -194,6 +196,17 @@ def _compare(
         lower_is_better=measure.lower_is_better,
         **options,
     )
+
+
+def _check_distinct(records: Sequence[RunRecord]) -> None:
+    """Refuse two runs that nothing tells apart: a pair of each would count one run twice."""
+    seen = {(r.seed, *sorted((n, str(v)) for n, v in r.axes.items())) for r in records}
+    if len(seen) < len(records):
+        first = records[0]
+        raise ConfigError(
+            f"two runs of route {first.route}, seed {first.seed} have the labels "
+            f"{dict(first.axes)}, but other settings: give one study at a time"
+        )
 
 
 def _by_key(

@@ -9,6 +9,7 @@ from rich import box
 from rich.console import Group, RenderableType
 from rich.rule import Rule
 from rich.table import Table
+from rich.text import Text
 
 from p2gd_fgo.evaluation.bootstrap import Effect
 from p2gd_fgo.evaluation.episodes import (
@@ -100,7 +101,7 @@ def _measures(rows: Sequence[EpisodeRow], sides: tuple[str, str]) -> Table:
     for row in rows:
         for side, means in zip(sides, (row.a, row.b), strict=True):
             cells = [fixed(_of(means, name), 1) for name in shown]
-            table.add_row(row.kind if means is row.a else "", side, *cells)
+            table.add_row(row.kind if means is row.a else "", Text(side), *cells)
     return table
 
 
@@ -114,7 +115,7 @@ def _episodes(found: Sequence[SegmentPair], sides: tuple[str, str]) -> Table:
         a, b = pair.a, pair.b
         place = f"{a.start_m:.0f}"
         table.add_row(
-            f"{pair.route} {place}" if several else place,
+            Text(f"{pair.route} {place}" if several else place),
             f"{a.start_s:.1f}",
             pair.kind,
             *(fixed(side.translation_percent, 2) for side in (a, b)),
@@ -129,7 +130,7 @@ def _episodes(found: Sequence[SegmentPair], sides: tuple[str, str]) -> Table:
 def _table(*names: str) -> Table:
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1), pad_edge=False, show_edge=False)
     for k, name in enumerate(names):
-        table.add_column(name, justify="left" if not k else "right", no_wrap=True)
+        table.add_column(Text(name), justify="left" if not k else "right", no_wrap=True)
     return table
 
 

@@ -22,7 +22,7 @@ _MOST_DECIMALS = 6
 
 def title(text: str) -> RenderableType:
     """A line across, with an empty one before it."""
-    return Padding(Rule(text, align="left", style="dim"), (1, 0, 0, 0))
+    return Padding(Rule(Text(text), align="left", style="dim"), (1, 0, 0, 0))
 
 
 def pairs(items: Sequence[tuple[str, str]]) -> Table:
@@ -31,16 +31,16 @@ def pairs(items: Sequence[tuple[str, str]]) -> Table:
     table.add_column(style="cyan", no_wrap=True)
     table.add_column(overflow="fold")
     for name, value in items:
-        table.add_row(name, Text(value))
+        table.add_row(Text(name), Text(value))
     return table
 
 
 def grid(first: str, *others: str) -> Table:
     """An empty table: the first column to the left, numbers to the right."""
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1), pad_edge=False)
-    table.add_column(first, no_wrap=True)
+    table.add_column(Text(first), no_wrap=True)
     for name in others:
-        table.add_column(name, justify="right", no_wrap=True)
+        table.add_column(Text(name), justify="right", no_wrap=True)
     return table
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from p2gd_fgo.evaluation.bootstrap import MIN_ROUTES, EffectKind
-from p2gd_fgo.evaluation.claims import claim, span
+from p2gd_fgo.evaluation.claims import claim, is_shown, span
 from p2gd_fgo.evaluation.paired import Comparison
 
 _NOT_SHOWN = "No difference shown, the interval holds zero"
@@ -46,10 +46,7 @@ class Statement:
             return _NO_RATIO if found.whole else _NO_PAIR
         if found.routes < MIN_ROUTES:
             return _FEW_ROUTES
-        worst = found.penalised.get(self.kind) if self._missing else None
-        if effect.verdict == "not shown" or (worst and worst.verdict != effect.verdict):
-            return _NOT_SHOWN
-        return ""
+        return "" if is_shown(found, self.kind) else _NOT_SHOWN
 
     @property
     def _missing(self) -> int:

@@ -88,7 +88,7 @@ def study_table(
         heading = f"{measures[0].label} {measures[0].unit} by route, mean over seeds"
         parts = ["", Text(heading, style="italic"), by_route, *parts]
     return Group(
-        Rule(f"{axis}, compared with {baseline}", align="left", style="dim"),
+        Rule(Text(f"{axis}, compared with {baseline}"), align="left", style="dim"),
         Text(_legend(records), style="dim"),
         *parts,
         *(Text(f"• {line}") for line in sentences(statements)),
@@ -147,7 +147,7 @@ def _table(
 ) -> Table:
     block, labels, contrasts = compared
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    table.add_column(axis, min_width=max(len(axis), *(len(str(label)) for label in labels)))
+    table.add_column(Text(axis), min_width=max(len(axis), *(len(str(label)) for label in labels)))
     table.add_column("runs", justify="right", no_wrap=True)
     for m in measures:
         table.add_column(f"{m.label} {m.unit}", justify="right", no_wrap=True)
@@ -175,7 +175,7 @@ def _route_table(records: Sequence[RunRecord], chosen: Measure) -> Table | None:
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("route", min_width=max(len(record.route) for record in records))
     for way in ways:
-        table.add_column("\n".join(map(str, way)), justify="right")
+        table.add_column(Text("\n".join(map(str, way))), justify="right")
     for group in dict.fromkeys(record.group for record in records):
         held = [record for record in records if record.group == group]
         means = {

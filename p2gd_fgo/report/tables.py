@@ -67,7 +67,7 @@ def run_table(
 
 def evaluate_table(metrics: Metrics) -> RenderableType:
     """Lay out the errors of a trajectory whose run isn't known."""
-    return Group(*_metrics(metrics))
+    return Group(*_warnings(metrics, ("done", None)), *_metrics(metrics))
 
 
 def _warnings(metrics: Metrics | None, status: tuple[str, str | None]) -> list[RenderableType]:
@@ -81,6 +81,11 @@ def _warnings(metrics: Metrics | None, status: tuple[str, str | None]) -> list[R
         lines.append(
             f"PARTIAL: only {metrics.frames} of {metrics.frames_total} images have an estimate "
             f"({100 * share:.1f} %); all errors are of this part alone"
+        )
+    if metrics is not None and metrics.frames_total and metrics.frames > metrics.frames_total:
+        lines.append(
+            f"COMPLETENESS UNKNOWN: {metrics.frames} poses are not one for each of "
+            f"{metrics.frames_total} images, so their number doesn't say how far they go"
         )
     coverage = metrics.truth_coverage if metrics else None
     if metrics and metrics.accuracy and coverage is not None and coverage < _PARTIAL:

@@ -38,7 +38,7 @@ def provide(source: Rendered | Recorded, progress: Progress | None = None) -> Pa
         A scenario that can't be rendered, or a folder that isn't there or can't be written.
     """
     if isinstance(source, Recorded):
-        if not source.folder.is_dir():
+        if not source.folder.exists():
             raise DataError(f"{source.folder}: the recording is not on this machine")
         return source.folder
     folder = recorder.default_folder(source.scenario)

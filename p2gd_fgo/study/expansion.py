@@ -17,23 +17,23 @@ from p2gd_fgo.simulation.production import with_route_hash
 from p2gd_fgo.simulation.scenario import Scenario
 from p2gd_fgo.study.external import External, find_externals
 from p2gd_fgo.study.keys import data_hash, run_key
+from p2gd_fgo.study.rules import is_kept
 from p2gd_fgo.study.runs import Recorded, Rendered, Run
-from p2gd_fgo.study.spec import AxisValue, Rule, SequenceSpec, StudySpec
+from p2gd_fgo.study.spec import AxisValue, SequenceSpec, StudySpec
 
+_SEED_FIELD = "runtime.seed"
 SHORT_NAMES = {
     "distribution": "distribution.kind",
     "backend": "backend.kind",
     "window": "backend.window",
     "tracker": "frontend.tracker",
     "priors": "priors.source",
-    "seed": "runtime.seed",
+    "seed": _SEED_FIELD,
 }
 """Axes that name a field of the configuration by one word."""
 
 SEEDS_A_ROUTE = 1000
 """The IMU's noise on route r with seed s is drawn from seed 1000 r + s: no two are alike."""
-
-_PLACES = ("group", "route", "sequence")
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,24 +113,31 @@ def expand(spec: StudySpec, folder: Path, data: Path | None = None) -> Plan:
     """
     base = _base(spec, folder)
     routes, left_out = _routes(spec, folder, data)
-    seeds = _seeds(spec)
+    _check_seeds(spec)
     runs: dict[str, Run] = {}
     for route in routes:
         hashes: dict[int, tuple[Rendered | Recorded, str]] = {}
         for values in itertools.product(*_axes(spec).values()):
             chosen = dict(zip(_axes(spec), values, strict=True))
             labels = {name: value.label for name, value in chosen.items()}
-            if not _kept(spec, labels, route):
+            places = {"group": route.group, "route": route.name, "sequence": route.name}
+            known = {name: str(label) for name, label in labels.items()} | places
+            if not is_kept(spec.include, spec.exclude, known):
                 continue
-            seed = seeds[str(labels["seed"])] if "seed" in labels else 0
             config = _config(spec, base, route, chosen)
+            seed = config.runtime.seed
+            if not 0 <= seed < SEEDS_A_ROUTE:
+                raise ConfigError(
+                    f"{spec.name}: {_SEED_FIELD} is {seed}: give one below {SEEDS_A_ROUTE}"
+                )
             shared = seed if route.scenario is not None else 0
             if shared not in hashes:
                 source = route.source(seed, config)
                 hashes[shared] = (source, data_hash(source))
             source, held = hashes[shared]
             config = resolve(config, source.width)
-            key = run_key(config, held)
+            place = source.folder if isinstance(source, Recorded) else None
+            key = run_key(config, held, place)
             if key in runs:
                 raise ConfigError(
                     f"{spec.name}: the runs '{runs[key].label}' and '{_label(route, labels)}' are "
@@ -153,8 +160,9 @@ def _axes(spec: StudySpec) -> dict[str, tuple[AxisValue, ...]]:
     return dict(sorted(spec.axes.items(), key=lambda axis: axis[0] != "seed"))
 
 
-def _seeds(spec: StudySpec) -> dict[str, int]:
-    found = {}
+def _check_seeds(spec: StudySpec) -> None:
+    if _SEED_FIELD in spec.axes:
+        raise ConfigError(f"{spec.name}: axes.{_SEED_FIELD}: name the axis 'seed'")
     for value in spec.axes.get("seed", ()):
         seed = value.label
         if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed < SEEDS_A_ROUTE:
@@ -162,8 +170,6 @@ def _seeds(spec: StudySpec) -> dict[str, int]:
                 f"{spec.name}: axes.seed has {seed!r}: give whole numbers from 0 to "
                 f"{SEEDS_A_ROUTE - 1}"
             )
-        found[str(seed)] = seed
-    return found
 
 
 def _base(spec: StudySpec, folder: Path) -> Config:
@@ -194,9 +200,8 @@ def _routes(spec: StudySpec, folder: Path, data: Path | None) -> tuple[list[_Rou
                 left_out.append(entry.path)
                 continue
             place = data.expanduser() / place
-        name = entry.name or place.name
-        group = entry.group or "recordings"
-        routes.append(_Route(name, group, None, entry.settings, None, place.resolve()))
+        (name,) = entry.names
+        routes.append(_Route(name, entry.group_name, None, entry.settings, None, place.resolve()))
     names = [route.name for route in routes]
     for name in names:
         if names.count(name) > 1:
@@ -210,35 +215,12 @@ def _rendered(entry: SequenceSpec, folder: Path) -> Iterator[_Route]:
     assert entry.simulate is not None
     near = folder / entry.simulate
     path = near if near.is_file() else find_preset(entry.simulate)
-    group = entry.group or path.stem
-    for seed in entry.routes:
+    for name, seed in zip(entry.names, entry.routes, strict=True):
         settings = {**entry.scenario, "seed": seed}
         if entry.duration_s is not None:
             settings["duration_s"] = entry.duration_s
         scenario = with_route_hash(load_scenario(path, settings))
-        yield _Route(f"{group}-{seed}", group, seed, entry.settings, scenario, None)
-
-
-def _kept(spec: StudySpec, labels: Mapping[str, Label], route: _Route) -> bool:
-    known = {name: str(label) for name, label in labels.items()}
-    known |= dict.fromkeys(_PLACES, route.name) | {"group": route.group}
-    fits = [_fits(spec, rule, known) for rule in spec.include]
-    if spec.include and not any(fits):
-        return False
-    return not any(_fits(spec, rule, known) for rule in spec.exclude)
-
-
-def _fits(spec: StudySpec, rule: Rule, known: Mapping[str, str]) -> bool:
-    for name, wanted in rule.items():
-        if name not in known:
-            raise ConfigError(
-                f"{spec.name}: a rule names '{name}', which is no axis: there are "
-                f"{', '.join(known)}"
-            )
-        options = wanted if isinstance(wanted, list) else [wanted]
-        if known[name] not in [str(option) for option in options]:
-            return False
-    return True
+        yield _Route(name, entry.group_name, seed, entry.settings, scenario, None)
 
 
 def _config(

@@ -16,6 +16,7 @@ from p2gd_fgo.study.data import provide
 from p2gd_fgo.study.keys import code_hash, data_hash, versions
 from p2gd_fgo.study.runs import Run
 from p2gd_fgo.study.spec import StudySpec
+from p2gd_fgo.types import NANOSECONDS
 
 _KEY_DIGITS = 16
 
@@ -113,12 +114,14 @@ def judge(external: External) -> RunRecord:
     try:
         recording = provide(run.source)
         dataset = run.config.dataset.model_copy(update={"path": str(recording)})
-        truth = open_sequence(dataset, max_gap_s=run.config.imu.max_gap_s).truth
+        sequence = open_sequence(dataset, max_gap_s=run.config.imu.max_gap_s)
+        truth, offset_s = sequence.truth, sequence.calibration.time_offset_s
         if truth is None:
             raise DataError(f"{recording}: has no truth to judge {external.file} by")
         record = external_record(
             external.name, external.file, truth.trajectory, sequence=run.sequence,
-            frames_total=run.source.images, config=run.config.evaluation, study=run.study,
+            image_stamps_ns=sequence.image_stamps_ns + round(offset_s * NANOSECONDS),
+            config=run.config.evaluation, study=run.study,
             axes={external.axis: external.name}, route=run.route, group=run.group,
         )  # fmt: skip
     except P2gdError as error:

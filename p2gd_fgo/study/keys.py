@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+from collections.abc import Iterator
 from functools import cache
 from importlib import metadata
 from pathlib import Path
@@ -41,12 +42,20 @@ _END_BYTES = 65536
 _KEY_DIGITS = 16
 
 
-def run_key(config: Config, data: str) -> str:
+def run_key(config: Config, data: str, folder: Path | None = None) -> str:
     """Hash of a resolved configuration and of a recording.
 
     Only what isn't the default counts, so that an option which is added later leaves the keys of
-    runs without it; name and path of the recording don't change an estimate, and the files that a
-    configuration names count by their content.
+    runs without it; name and path of the recording don't change an estimate, and the files and
+    folders that a configuration names count by what they hold.
+
+    Parameters
+    ----------
+    data
+        Of :func:`data_hash`.
+    folder
+        Where a relative path of masks starts: the recording. None where it isn't rendered yet: then
+        such masks are rendered with it.
 
     Raises
     ------
@@ -55,15 +64,18 @@ def run_key(config: Config, data: str) -> str:
     """
     chosen = config.model_dump(mode="json", exclude_defaults=True, exclude={"name": True})
     dataset = {k: v for k, v in chosen.pop("dataset", {}).items() if k != "path"}
-    named = [_content(name) for name in (config.priors.file, config.dataset.mask) if name]
+    named: list[object] = [
+        _content(name) for name in (config.priors.file, config.dataset.mask) if name
+    ]
+    named += [_listing(path) for path in _folders_beside(config, folder)]
     return _hash([chosen, dataset, data, *named])[:_KEY_DIGITS]
 
 
 def data_hash(source: Rendered | Recorded) -> str:
     """Hash of what a recording holds: its seeds, or its files.
 
-    Of a folder the text files count by their content, images by name and size, other files (bags)
-    by name, size and both ends.
+    Of a folder, links in it followed, the text files count by their content, images by name and
+    size, other files (bags) by name, size and both ends; a single file counts without its name.
 
     Raises
     ------
@@ -72,23 +84,7 @@ def data_hash(source: Rendered | Recorded) -> str:
     """
     if isinstance(source, Rendered):
         return scenario_hash(source.scenario, WORLD_VERSION)
-    found = []
-    try:
-        for top, folders, files in os.walk(source.folder):
-            folders.sort()
-            for name in sorted(files):
-                path = Path(top, name)
-                size = path.stat().st_size
-                suffix = path.suffix.lower()
-                content = ""
-                if suffix in _TEXT:
-                    content = hashlib.sha256(path.read_bytes()).hexdigest()
-                elif suffix not in _IMAGES:
-                    content = _ends(path, size)
-                found.append([path.relative_to(source.folder).as_posix(), size, content])
-    except OSError as error:
-        raise DataError(f"{source.folder}: can't be read whole: {error}") from None
-    return _hash(found)[:_KEY_DIGITS]
+    return _hash(_listing(source.folder))[:_KEY_DIGITS]
 
 
 @cache
@@ -124,6 +120,49 @@ def _content(name: str) -> str:
         return hashlib.sha256(Path(name).expanduser().read_bytes()).hexdigest()
     except OSError as error:
         raise DataError(f"{name}: can't be read: {error.strerror}") from None
+
+
+def _folders_beside(config: Config, recording: Path | None) -> Iterator[Path]:
+    """What a configuration names and the recording's own hash doesn't hold."""
+    if config.dataset.calibration:
+        yield Path(config.dataset.calibration).expanduser()
+    if config.dataset.masks:
+        masks = (recording or Path()) / Path(config.dataset.masks).expanduser()
+        inside = recording is not None and masks.resolve().is_relative_to(recording.resolve())
+        if masks.is_absolute() and not inside:
+            yield masks
+
+
+def _listing(top: Path) -> list[object]:
+    """Name, size and content of every file below a folder, or of the file itself."""
+
+    def refuse(error: OSError) -> None:
+        raise error
+
+    found: list[object] = []
+    seen: set[str] = set()
+    try:
+        if top.is_file():
+            return [["", *_held(top)]]
+        for below, folders, files in os.walk(top, followlinks=True, onerror=refuse):
+            place = os.path.realpath(below)
+            if place in seen:  # a link to a folder above
+                folders.clear()
+                continue
+            seen.add(place)
+            folders.sort()
+            paths = [Path(below, name) for name in sorted(files)]
+            found += [[path.relative_to(top).as_posix(), *_held(path)] for path in paths]
+    except OSError as error:
+        raise DataError(f"{top}: can't be read whole: {error}") from None
+    return found
+
+
+def _held(path: Path) -> tuple[int, str]:
+    size, suffix = path.stat().st_size, path.suffix.lower()
+    if suffix in _TEXT:
+        return size, hashlib.sha256(path.read_bytes()).hexdigest()
+    return size, "" if suffix in _IMAGES else _ends(path, size)
 
 
 def _ends(path: Path, size: int) -> str:

@@ -136,7 +136,11 @@ class LocalPool:
             yield task, rest[0]
         self._busy.pop(worker, None)
         self._starting.discard(worker)
-        self._idle.append(worker)
+        if worker in self._late:  # killed as its record came: it says "gone" next
+            self._late.discard(worker)
+            worker.close()
+        else:
+            self._idle.append(worker)
 
     def _bury(self, worker: WorkerProcess, reason: str) -> Iterator[Outcome]:
         worker.close()

@@ -144,12 +144,7 @@ class DaskPool:
 
 def render(source: Rendered | Recorded) -> str | None:
     """Provide a recording on a dask worker; the sentence of an error, or None."""
-    ours = _process()
-    ours.worker.render([source])
-    while True:
-        kind, *rest = ours.next(None)
-        if kind in ("rendered", "gone"):
-            return str(rest[0]) if rest[0] is not None else None
+    return _provided(_process(), source)
 
 
 def work(run: Run, keep: Keep, rendered: str | None) -> Parcel:
@@ -166,8 +161,11 @@ def work(run: Run, keep: Keep, rendered: str | None) -> Parcel:
 
 
 def _run(run: Run, folder: Path, keep: Keep) -> RunRecord:
-    began = time.monotonic()
     ours = _process()
+    fault = _provided(ours, run.source)  # rendered on another machine, it may not be on this one
+    if fault is not None:
+        return unfinished(run, "crashed", fault, 0.0)
+    began = time.monotonic()
     ours.worker.run(run, folder, keep)
     while True:
         try:
@@ -181,6 +179,14 @@ def _run(run: Run, folder: Path, keep: Keep) -> RunRecord:
             return record
         if kind == "gone":
             return unfinished(run, "crashed", rest[0], time.monotonic() - began)
+
+
+def _provided(ours: _Own, source: Rendered | Recorded) -> str | None:
+    ours.worker.render([source])
+    while True:
+        kind, *rest = ours.next(None)
+        if kind in ("rendered", "gone"):
+            return str(rest[0]) if rest[0] is not None else None
 
 
 class _Own:

@@ -11,7 +11,7 @@ from p2gd_fgo.errors import ConfigError
 from p2gd_fgo.run_record import RESULTS, RunRecord, read_records
 from p2gd_fgo.study.keys import code_hash
 from p2gd_fgo.study.runs import Run
-from p2gd_fgo.study.store import is_finished
+from p2gd_fgo.study.store import is_finished, lacks_segments
 
 
 def reusable_records(
@@ -50,13 +50,9 @@ def reusable_records(
         if run.key not in found:
             continue
         record, folder = found[run.key]
-        if not (run.segments and _lacks_segments(record)):
+        if not lacks_segments(run, record):
             taken.append(_relabelled(record, run, folder, out))
     return taken
-
-
-def _lacks_segments(record: RunRecord) -> bool:
-    return record.segments is None and record.status == "done"
 
 
 def _relabelled(record: RunRecord, run: Run, folder: Path, out: Path) -> RunRecord:

@@ -15,7 +15,7 @@ from p2gd_fgo.study.progress import NoStudyObserver, StudyObserver
 from p2gd_fgo.study.remote import DaskPool
 from p2gd_fgo.study.reuse import reusable_records
 from p2gd_fgo.study.runs import Run
-from p2gd_fgo.study.store import Store, is_finished, of_plan
+from p2gd_fgo.study.store import Store, is_finished, lacks_segments, of_plan
 from p2gd_fgo.study.work import Keep
 
 
@@ -54,9 +54,13 @@ class Options:
 def unfinished_runs(
     plan: Plan, records: dict[str, RunRecord], options: Options | None = None
 ) -> list[Run]:
-    """The runs without a record that stands for them."""
+    """The runs without a record that stands for them and has the segments that they want."""
     chosen, code = options or Options(), code_hash()
-    return [run for run in plan.runs if not chosen.stands(records.get(run.key), code)]
+    return [
+        run
+        for run in plan.runs
+        if not chosen.stands(record := records.get(run.key), code) or lacks_segments(run, record)
+    ]
 
 
 def taken_over(
@@ -94,6 +98,7 @@ def run_study(
     """
     options, observer = options or Options(), observer or NoStudyObserver()
     with Store(out) as store:
+        store.name_runs(row.key for row in plan.rows)
         for record in taken_over(plan, store.records, out, options):
             store.append(record)
         todo = unfinished_runs(plan, store.records, options)

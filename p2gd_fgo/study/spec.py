@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
@@ -14,33 +13,16 @@ from p2gd_fgo.config import yaml_text
 from p2gd_fgo.config.base import Model, Positive
 from p2gd_fgo.errors import ConfigError
 from p2gd_fgo.run_record import Label
+from p2gd_fgo.study.ranges import spread
+from p2gd_fgo.study.rules import Rule, check_rules
 
 FULL = "full"
 """The profile of a study as it is written; every other one overrides parts of it."""
 
-_RANGE = re.compile(r"(\d+)\.\.(\d+)")
-_MOST = 100_000
-
-
-def _spread(value: Any) -> Any:
-    """``"200..211"`` as the list of these numbers, alone or in a list."""
-    if isinstance(value, str) and (ends := _RANGE.fullmatch(value)):
-        first, last = int(ends[1]), int(ends[2])
-        if not first <= last < first + _MOST:
-            raise ValueError(f"the range {value} is empty or too long: give FIRST..LAST")
-        return list(range(first, last + 1))
-    if isinstance(value, list):
-        return [
-            item
-            for given in value
-            for item in (_spread(given) if isinstance(given, str) and ".." in given else [given])
-        ]
-    return value
-
 
 def _bundles(value: Any) -> Any:
     """Values of an axis as label and settings; a plain value is its own label."""
-    value = _spread(value)
+    value = spread(value)
     if isinstance(value, dict):
         value = [{label: settings} for label, settings in value.items()]
     if not isinstance(value, list):
@@ -64,7 +46,6 @@ class AxisValue(Model):
 
 
 Axis = Annotated[tuple[AxisValue, ...], BeforeValidator(_bundles), Field(min_length=1)]
-Rule = dict[str, Label | list[Label]]
 
 
 class BaseSpec(Model):
@@ -80,7 +61,7 @@ class SequenceSpec(Model):
     """Recordings of one kind: routes rendered from their seeds, or a folder."""
 
     simulate: str | None = Field(None, description="preset or scenario file to render")
-    routes: Annotated[tuple[int, ...], BeforeValidator(_spread)] = Field(
+    routes: Annotated[tuple[int, ...], BeforeValidator(spread)] = Field(
         (), description="simulate: seeds, as [200, 201] or 200..211"
     )
     duration_s: Positive | None = Field(None, description="simulate: null: the preset's own")
@@ -103,6 +84,18 @@ class SequenceSpec(Model):
         if self.path is not None and (self.routes or self.duration_s or self.scenario):
             raise ValueError("routes, duration_s and scenario are for 'simulate'")
         return self
+
+    @property
+    def group_name(self) -> str:
+        """What its recordings are called together."""
+        return self.group or ("recordings" if self.simulate is None else Path(self.simulate).stem)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of its recordings, in their order."""
+        if self.path is not None:
+            return (self.name or Path(self.path).expanduser().name,)
+        return tuple(f"{self.group_name}-{seed}" for seed in self.routes)
 
 
 class PairingSpec(Model):
@@ -146,7 +139,23 @@ class StudySpec(Model):
     @model_validator(mode="after")
     def _consistent(self) -> StudySpec:
         self.check_axes()
+        check_rules((*self.include, *self.exclude), self._labels())
         return self
+
+    def _labels(self) -> dict[str, list[str]]:
+        """Whatever a rule may name, in any profile."""
+        known: dict[str, dict[str, None]] = {}
+        for axes in (self.axes, *(profile.axes for profile in self.profiles.values())):
+            for name, values in axes.items():
+                known.setdefault(name, {}).update({str(value.label): None for value in values})
+        entries = [*self.sequences]
+        for profile in self.profiles.values():
+            entries += profile.sequences or ()
+        names = dict.fromkeys(name for entry in entries for name in entry.names)
+        known |= {"group": dict.fromkeys(entry.group_name for entry in entries)}
+        return {name: list(found) for name, found in known.items()} | {
+            "route": list(names), "sequence": list(names)
+        }  # fmt: skip
 
     def check_axes(self) -> None:
         """Refuse axes with a label twice, a pairing that isn't on them, and externals without one.

@@ -13,7 +13,7 @@ from pathlib import Path
 from types import TracebackType
 
 from p2gd_fgo.errors import ConfigError, DataError
-from p2gd_fgo.run_record import RESULTS, RunRecord, read_records
+from p2gd_fgo.run_record import RESULTS, RunRecord, read_records, write_plan
 from p2gd_fgo.study.external import External
 from p2gd_fgo.study.runs import Run
 from p2gd_fgo.study.work import CRASH
@@ -73,6 +73,19 @@ class Store:
         traceback: TracebackType | None,
     ) -> None:
         self._lock.close()
+
+    def name_runs(self, keys: Iterable[str]) -> None:
+        """Say which lines are of the plan, for whoever has the folder alone.
+
+        Raises
+        ------
+        DataError
+            The disk is full.
+        """
+        try:
+            write_plan(self.out, keys)
+        except OSError as error:
+            raise self._unwritable(error) from None
 
     def scratch(self, run: Run) -> Path:
         """Where a run may leave its files until it is finished."""
@@ -140,9 +153,10 @@ class Store:
         if other == place or not (truth.is_file() and other.is_file()):
             return
         if filecmp.cmp(truth, other, shallow=False):
-            with suppress(OSError):  # a file system without hard links
-                truth.unlink()
-                truth.hardlink_to(other)
+            linked = truth.with_name(f".{truth.name}.link")
+            with suppress(OSError):  # a file system without hard links: the copy stays
+                linked.hardlink_to(other)
+                linked.replace(truth)
 
     def _drop_torn_line(self) -> None:
         """Cut off a line that was being written when the process was killed."""
@@ -184,6 +198,13 @@ def is_finished(
     if record is None or (retry and record.status in ("crashed", "timeout")):
         return False
     return keep_older_code or record.code == code
+
+
+def lacks_segments(run: Run, record: RunRecord | None) -> bool:
+    """Whether the run wants the errors of each piece of the way, and the record never had them."""
+    if record is None or record.status != "done":
+        return False
+    return run.segments and record.segments is None
 
 
 def of_plan(records: dict[str, RunRecord], rows: Iterable[Run | External]) -> list[RunRecord]:

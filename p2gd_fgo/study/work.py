@@ -105,14 +105,14 @@ def _record(
     )  # fmt: skip
 
 
-def _segments(folder: Path, config: Config) -> list[dict[str, Any]] | None:
-    """Errors of each piece of the way in few digits; None without truth or estimates."""
+def _segments(folder: Path, config: Config) -> list[dict[str, Any]]:
+    """Errors of each piece of the way in few digits; none without truth or estimates."""
     try:
         has_masks = (Path(config.dataset.path or "") / MASKS).is_dir()
         moving = moving_objects(config) if has_masks else None
         pieces = run_segments(folder, moving=moving)
     except DataError:
-        return None
+        return []
     return [{name: _short(value) for name, value in p.to_json().items()} for p in pieces]
 
 

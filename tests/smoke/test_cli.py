@@ -380,3 +380,8 @@ class TestBadInput:
         code, _, err = cli("evaluate", broken, broken)
         assert code == 2
         assert "broken.tum" in err
+
+    def test_evaluate_into_no_folder(self, cli: Cli, tmp_path: Path, done: Path) -> None:
+        trajectory, target = done / "estimate.tum", tmp_path / "no" / "x.json"
+        code, _, err = cli("evaluate", trajectory, trajectory, "--json", target)
+        assert code == 2 and "x.json: can't be written" in err

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from p2gd_fgo.errors import DataError
-from p2gd_fgo.run_record import RunRecord, canonical, read_records
+from p2gd_fgo.run_record import PLAN, RunRecord, canonical, read_plan, read_records, write_plan
 
 RECORD = RunRecord(
     key="0123",
@@ -82,6 +82,23 @@ def test_a_torn_last_line_is_left_out_but_not_one_in_the_middle(tmp_path: Path) 
     path.write_text(f"{RECORD.to_json()[:40]}\n{other.to_json()}\n")
     with pytest.raises(DataError, match="line 1, is no record"):
         read_records(path)
+
+
+def test_a_line_torn_within_a_character_is_left_out(tmp_path: Path) -> None:
+    path = tmp_path / "results.jsonl"
+    torn = replace(RECORD, key="4567", reason="turned by 8°").to_json().encode()
+    path.write_bytes(RECORD.to_json().encode() + b"\n" + torn[: torn.index("°".encode()) + 1])
+    assert read_records(path) == [RECORD]
+
+
+def test_a_plan_says_which_lines_are_a_study_s(tmp_path: Path) -> None:
+    assert read_plan(tmp_path) is None
+    write_plan(tmp_path, ["a", "b"])
+    assert read_plan(tmp_path) == frozenset("ab")
+    for text in ("[]", "{", '{"runs": 3}'):
+        (tmp_path / PLAN).write_text(text)
+        with pytest.raises(DataError, match=r"plan\.json: is no list of a study's runs"):
+            read_plan(tmp_path)
 
 
 def test_of_one_key_the_last_line_counts(tmp_path: Path) -> None:

@@ -9,8 +9,14 @@ from dataclasses import dataclass
 from p2gd_fgo.evaluation.bootstrap import MIN_ROUTES, Effect
 from p2gd_fgo.evaluation.claims import span
 from p2gd_fgo.evaluation.measures import Measure, counts, measure
-from p2gd_fgo.evaluation.paired import ASKED_CHANGE, ASKED_POWER, Comparison
-from p2gd_fgo.evaluation.record_pairs import compare_records, pair_records
+from p2gd_fgo.evaluation.paired import ASKED_CHANGE, ASKED_POWER, Comparison, Needed
+from p2gd_fgo.evaluation.record_pairs import (
+    Choice,
+    RecordPairs,
+    compare_records,
+    pair_records,
+    select,
+)
 from p2gd_fgo.report.layout import NONE, decimals
 from p2gd_fgo.report.pages.collection import Baseline, Collection, Method, counterparts
 from p2gd_fgo.report.pages.measures import rte_lengths
@@ -31,22 +37,22 @@ from p2gd_fgo.run_record import RunRecord
 _EXPLAINING = ("mean_length", "total_parallax", "features", "frame_ms")
 _SEEDS_ASKED = 3
 _METHODS_IN_WORDS = 3
-_INTERVAL_NOTES = (
+_NEEDED = (
     f"Routes needed: to show a change of {100 * ASKED_CHANGE:+.0f} % with "
-    f"{100 * ASKED_POWER:.0f} % power and {_SEEDS_ASKED} seeds each.".replace("-", "−"),
-    "Many intervals stand here: of twenty without any effect one excludes zero by chance.",
-)
+    f"{100 * ASKED_POWER:.0f} % power and {{}} each."
+).replace("-", "−")
+_MANY = "Many intervals stand here: of twenty without any effect one excludes zero by chance."
 
 
 @dataclass(frozen=True, slots=True)
 class Compared:
-    """One measure of a method against its counterpart; ``alone``: runs of both without a pair."""
+    """One measure of a method against its counterpart; ``alone``: keys of runs without a pair."""
 
     base: Method
     method: Method
     measure: Measure
     found: Comparison
-    alone: int
+    alone: frozenset[str]
 
 
 def compare_group(
@@ -67,6 +73,7 @@ def compare_group(
         sides = collection.choice(base), collection.choice(method)
         across = across_seeds(records, *sides)
         pairs = pair_records(records, *sides, across=across)
+        alone = _without_pair(records, sides, pairs)
         for key in keys if pairs.pairs else ():
             chosen = measure(key)
             fitting = _fitting(records, chosen)
@@ -78,9 +85,15 @@ def compare_group(
             # A trajectory made elsewhere has no tracks and no times, which is no failure.
             if all(found_in) or (any(found_in) and key not in _EXPLAINING):
                 found = compare_records(fitting, *sides, chosen, across=across)
-                alone = found.alone_a + found.alone_b
                 out.append(Compared(base, method, chosen, found.overall, alone))
     return out
+
+
+def _without_pair(
+    records: Sequence[RunRecord], sides: Sequence[Choice], pairs: RecordPairs
+) -> frozenset[str]:
+    paired = {record.key for pair in pairs.pairs for record in pair}
+    return frozenset(r.key for side in sides for r in select(records, side)) - paired
 
 
 def _fitting(records: Sequence[RunRecord], chosen: Measure) -> list[RunRecord]:
@@ -135,15 +148,19 @@ def comparison_table(
     caption = (
         f"Runs of the same sequence and seed in pairs; ATE and ARE aligned by {alignment}. In "
         f"brackets: {100 * level:.0f} % interval, by resampling sequences, then seeds within them; "
-        "a difference is shown where it excludes zero. p: Wilcoxon's signed-rank test on the "
-        "sequences' means."
+        "a difference is shown where it excludes zero, and where runs are missing also with the "
+        "worst run in their place. p: Wilcoxon's signed-rank test on the sequences' means."
     )
-    alone = sum({(c.base, c.method): c.alone for c in compared}.values())
-    notes = (
-        *([f"{alone} runs have no partner on the other side and are in no pair."] if alone else []),
-        *(_INTERVAL_NOTES if any(c.found.routes >= MIN_ROUTES for c in compared) else ()),
+    alone = len({key for each in compared for key in each.alone})
+    notes = [f"{alone} runs have no partner on some other side."] if alone else []
+    if any(c.found.routes >= MIN_ROUTES for c in compared):
+        asked = {_seeds_asked(c.found.needed) for c in compared if c.found.needed}
+        seeds = " or ".join(f"{n} seed{'s' * (n > 1)}" for n in sorted(asked, reverse=True))
+        notes += [_NEEDED.format(seeds)] if asked else []
+        notes += [_MANY]
+    return ReportTable(
+        "paired", "Paired comparison", caption, columns, tuple(rows), notes=tuple(notes)
     )
-    return ReportTable("paired", "Paired comparison", caption, columns, tuple(rows), notes=notes)
 
 
 def _row(collection: Collection, each: Compared) -> tuple[Cell, ...]:
@@ -151,7 +168,7 @@ def _row(collection: Collection, each: Compared) -> tuple[Cell, ...]:
     shown = decimals([found.a.rms, found.b.rms])
     missing = found.pairs - found.whole
     needed = found.needed
-    routes = needed.routes.get(_SEEDS_ASKED, needed.routes.get(1)) if needed else None
+    routes = needed.routes[_seeds_asked(needed)] if needed else None
     better = 100.0 * found.better_share if found.better_share is not None else math.nan
     p = found.p_value
     return (
@@ -167,6 +184,11 @@ def _row(collection: Collection, each: Compared) -> tuple[Cell, ...]:
         Cell((number(better, 0),)),
         Cell((Part(str(routes), float(routes)),)) if routes else words(NONE),
     )
+
+
+def _seeds_asked(needed: Needed) -> int:
+    """One, where no route had more than one pair: what seeds add isn't known then."""
+    return _SEEDS_ASKED if _SEEDS_ASKED in needed.routes else 1
 
 
 def _with_unit(chosen: Measure) -> str:

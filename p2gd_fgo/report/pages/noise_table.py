@@ -23,6 +23,7 @@ from p2gd_fgo.report.pages.table_model import (
     words,
 )
 from p2gd_fgo.report.tables import ALIGNMENT_MEANING
+from p2gd_fgo.run_record import Label
 
 _LABEL = re.compile(r"(\d+(?:\.\d+)?) (m|deg)")  # of a study's axis: "0.05 m", "2.5 deg"
 _UNITS = {"position_noise": "m", "yaw_noise_deg": "deg"}  # axes of run directories
@@ -52,8 +53,9 @@ class _Level:
 
 def noise_table(collection: Collection, group: str, alignment: str) -> ReportTable | None:
     """ARE and ATE of each repeat and their mean; None where prior poses have no noise levels."""
-    methods = collection.methods_of(group)
-    levels = {method: _level(collection, method) for method in methods}
+    found = {method: _level(collection, method) for method in collection.methods_of(group)}
+    levels = {method: level for method, level in found.items() if level is not None}
+    methods = list(levels)
     if len({level for level in levels.values() if level.name}) < _FEWEST_LEVELS:
         return None
     measures = [measure(f"are_{alignment}"), measure(f"ate_{alignment}")]
@@ -155,7 +157,7 @@ def _blocks(
         yield name, [method for method in methods if names[method] == name]
 
 
-def _labels(collection: Collection, method: Method) -> dict[str, object]:
+def _labels(collection: Collection, method: Method) -> dict[str, Label]:
     return dict(zip(collection.axes, method, strict=True))
 
 
@@ -163,13 +165,16 @@ def _is_grid(method: Method) -> bool:
     return "grid" in method
 
 
-def _level(collection: Collection, method: Method) -> _Level:
+def _level(collection: Collection, method: Method) -> _Level | None:
+    """None where a label says no number: a name, or a trajectory made elsewhere, which has none."""
     found = {"m": 0.0, "deg": 0.0}
     if not _is_grid(method):
         for axis, label in _labels(collection, method).items():
             name = axis.rpartition(".")[2]
             if name in _UNITS:
-                found[_UNITS[name]] = float(str(label))
+                if isinstance(label, str):
+                    return None
+                found[_UNITS[name]] = float(label)
             elif name == "priors" and (match := _LABEL.fullmatch(str(label))):
                 found[match[2]] = float(match[1])
     return _Level(found["m"], found["deg"])

@@ -9,7 +9,7 @@ from pathlib import Path
 from p2gd_fgo.errors import DataError
 from p2gd_fgo.report.pages.run_folders import read_folder, records_of
 from p2gd_fgo.run_directory import STATUS, read_status
-from p2gd_fgo.run_record import RESULTS, RunRecord, read_records
+from p2gd_fgo.run_record import RESULTS, RunRecord, read_plan, read_records
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,13 +65,34 @@ def find_runs(places: Sequence[Path]) -> Found:
         if path.is_file():
             entries += _of_study(path, remarks)
     entries += _of_folders([path for path in files if path.is_dir()], remarks)
-    return Found(tuple(entries), tuple(remarks))
+    return Found(tuple(_once(entries, remarks)), tuple(remarks))
+
+
+def _once(entries: Sequence[Entry], remarks: list[str]) -> list[Entry]:
+    """Without the runs that a study took over from another one of the same axes."""
+    kept: dict[tuple[object, ...], Entry] = {}
+    for entry in entries:
+        record = entry.record
+        kept.setdefault((record.key, *_axes(record)), entry)
+    if len(kept) < len(entries):
+        remarks.append(
+            f"{len(entries) - len(kept)} runs stand in more than one of the studies; each counts "
+            "once"
+        )
+    return list(kept.values())
 
 
 def _of_study(path: Path, remarks: list[str]) -> Iterator[Entry]:
     """Of lines with the same labels the last counts: the study went on with other code or data."""
     last: dict[tuple[object, ...], RunRecord] = {}
-    records = read_records(path)
+    found = read_records(path)
+    planned = read_plan(path.parent) if path.name == RESULTS else None
+    records = [record for record in found if planned is None or record.key in planned]
+    if len(records) < len(found):
+        remarks.append(
+            f"{path}: {len(found) - len(records)} runs are none that the study names now: they are "
+            "of other settings or recordings, and are not counted"
+        )
     for record in records:
         last[_labels(record)] = record
     if len(last) < len(records):
@@ -105,8 +126,11 @@ def _of_folders(folders: Sequence[Path], remarks: list[str]) -> Iterator[Entry]:
 
 
 def _labels(record: RunRecord) -> tuple[object, ...]:
-    axes = sorted((axis, str(label)) for axis, label in record.axes.items())
-    return (record.study, record.group, record.route, record.seed, *axes)
+    return (record.study, record.group, record.route, record.seed, *_axes(record))
+
+
+def _axes(record: RunRecord) -> list[tuple[str, str]]:
+    return sorted((axis, str(label)) for axis, label in record.axes.items())
 
 
 def _walk(place: Path) -> Iterator[Path]:

@@ -40,12 +40,27 @@ def test_it_is_judged_as_a_run_and_survives_the_file_of_records(tmp_path: Path) 
     )
 
 
-def test_more_poses_than_images_are_not_more_than_all(tmp_path: Path) -> None:
+def test_more_poses_than_images_say_nothing_of_completeness(tmp_path: Path) -> None:
     write_tum(tmp_path / "peer.tum", straight(100, 20))
     record = external_record(
         "Peer", tmp_path / "peer.tum", straight(100, 30), sequence="s", frames_total=200
     )
-    assert record.metrics["completeness"] == 1.0
+    assert record.metrics["completeness"] is None
+
+
+def test_a_pose_for_every_imu_sample_does_not_hide_an_early_end(tmp_path: Path) -> None:
+    write_tum(tmp_path / "peer.tum", straight(100, 20))
+    write_tum(tmp_path / "slow.tum", straight(5, 40))
+    truth, images = straight(100, 40), straight(10, 40).stamps_ns
+    found = [
+        external_record(
+            "Peer", tmp_path / name, truth, sequence="s", image_stamps_ns=images
+        )
+        for name in ("peer.tum", "slow.tum")
+    ]  # fmt: skip
+    early, slow = (record.metrics["completeness"] for record in found)
+    assert early == pytest.approx(0.5, abs=0.01) and np.isnan(measure("ate").of(found[0]))
+    assert slow == 1.0 and measure("ate").of(found[1]) == pytest.approx(0.0, abs=1e-6)
 
 
 def test_another_time_is_a_failed_run_and_no_file_an_error(tmp_path: Path) -> None:

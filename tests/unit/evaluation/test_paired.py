@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import stats
 
 from p2gd_fgo.errors import DataError
 from p2gd_fgo.evaluation.bootstrap import EffectKind, by_route, effect
-from p2gd_fgo.evaluation.claims import claim, span
+from p2gd_fgo.evaluation.claims import claim, is_shown, span
 from p2gd_fgo.evaluation.paired import compare_pairs
 from p2gd_fgo.evaluation.power import Spread, detectable, power, routes_needed, spread
 from p2gd_fgo.evaluation.synthetic_pairs import PairModel, draw_pairs, spread_over
@@ -198,3 +200,27 @@ def test_the_routes_needed_have_the_power() -> None:
     assert shown / 400 == pytest.approx(power(known, -0.1, routes, 3), abs=0.06)
     assert routes_needed(Spread(50.0, 1.0), -0.01, 1) is None
     assert routes_needed(Spread(0.0, 0.0), -0.01, 1) == 2
+
+
+def test_a_group_where_all_failed_does_not_take_the_second_reading_away() -> None:
+    a, b = sample(6, -0.4)
+    routes, groups = ROUTES.tolist(), ["car"] * len(a)
+    b[[1, 4, 9, 12, 15, 18, 21, 27]] = np.nan
+    alone = compare_pairs(a, b, routes, group=groups)
+    lost = np.full(4, np.nan)
+    found = compare_pairs(
+        np.concatenate([a, lost]), np.concatenate([b, lost]), [*routes, *"xxyy"],
+        group=groups + ["robot"] * 4,
+    )  # fmt: skip
+    assert found.penalised["geometric"] == alone.penalised["geometric"]
+    assert "no difference shown" in claim("ATE", found, "geometric")
+
+
+def test_missing_runs_without_a_worst_one_give_no_claim() -> None:
+    a, b = sample(6, -0.4)
+    b[:3] = np.nan
+    found = compare_pairs(a, b, ROUTES.tolist())
+    assert is_shown(found, "geometric")
+    assert not is_shown(replace(found, penalised={}), "geometric")
+    neither = compare_pairs(a, b, ROUTES.tolist(), lower_is_better=None)
+    assert neither.penalised == {} and is_shown(neither, "geometric")

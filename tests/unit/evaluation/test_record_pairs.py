@@ -126,6 +126,13 @@ def test_sides_that_make_no_pairs_are_refused(
         pair_records(records, a, b)
 
 
+def test_runs_that_nothing_tells_apart_are_refused() -> None:
+    records = study()
+    again = [replace(r, key=f"x{r.key}") for r in records if r.axes["distribution"] == "grid"]
+    with pytest.raises(ConfigError, match="but other settings: give one study at a time"):
+        pair_records([*records, *again], GRID, P2GD)
+
+
 def test_every_measure_can_be_read_and_unknown_ones_are_refused() -> None:
     whole, bare = record("0", 0, "grid", 2.0), replace(study()[0], metrics={}, tracking={})
     assert measure("ate").of(whole) == 2.0 and np.isnan(measure("ate_sim3").of(whole))

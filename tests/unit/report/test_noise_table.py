@@ -13,7 +13,7 @@ from p2gd_fgo.report.pages.collection import Baseline, Collection, choose_baseli
 from p2gd_fgo.report.pages.noise_table import noise_table
 from p2gd_fgo.report.pages.sources import Entry
 from p2gd_fgo.report.pages.write import write_report
-from p2gd_fgo.run_record import RunRecord
+from p2gd_fgo.run_record import Label, RunRecord
 
 FACTORS = {"1.0 deg": 1.8, "0.10 m": 1.6, "grid": 2.0, "0.5 deg": 1.7, "truth": 1.0, "0.05 m": 1.5}
 
@@ -107,3 +107,16 @@ def test_it_stands_in_every_file(tmp_path: Path) -> None:
     for path in (tex, md, tmp_path / "report.html"):
         text = path.read_text(encoding="utf-8")
         assert "noise on the prior poses" in text and "position 0.05 m" in text, path
+
+
+def test_levels_without_a_number_are_left_out() -> None:
+    levels: dict[str, Label] = {"0.05 m": 0.05, "0.10 m": 0.1, "truth": "none"}
+    made = [
+        replace(r, axes={"backend": "msckf", "seed": r.seed, "position_noise": levels[name]})
+        for r in runs(("msckf",))
+        if (name := str(r.axes["priors"])) in levels
+    ]
+    peer = [replace(made[0], key="p", axes={"backend": "Peer"})]
+    table = noise_table(collection([*made, *peer]), "robot", "yaw_pos")
+    assert table is not None
+    assert [row[0].text for row in table.rows] == ["position 0.05 m", "position 0.1 m"]

@@ -12,6 +12,7 @@ import pytest
 from rich.console import Console
 from run_records import metrics, records
 
+from p2gd_fgo.report.layout import title
 from p2gd_fgo.report.pages.collection import Baseline, Collection
 from p2gd_fgo.report.pages.comparison import claims, compare_group, comparison_table
 from p2gd_fgo.report.pages.episode_tables import compare_pieces, episode_table, largest_table
@@ -137,6 +138,17 @@ def test_runs_without_a_partner_are_counted() -> None:
     assert table is not None and "1 runs have no partner" in table.notes[0]
 
 
+def test_a_run_without_any_partner_is_counted_once() -> None:
+    many = {"grid": 1.0, "p2gd": 1.0, "anms": 1.0}
+    runs = made(effects=many, routes=4, seeds=1)
+    found = collection(
+        [r for r in runs if r.route != "car-203" or r.axes["distribution"] == "grid"]
+    )
+    table = comparison_table(found, compare_group(found, "car", GRID, "yaw_pos"), "yaw_pos")
+    assert table is not None and table.notes[0].startswith("1 runs have no partner")
+    assert "80 % power and 1 seed each" in table.notes[1]
+
+
 def test_many_methods_are_claimed_by_ate_alone() -> None:
     many = {"grid": 1.0} | dict.fromkeys(("p2gd", "anms", "quadtree", "uniform_random"), 1.0)
     found = collection(made(effects=many, routes=4, seeds=1))
@@ -213,7 +225,7 @@ def test_a_trajectory_made_elsewhere_is_paired_with_every_seed() -> None:
     compared = [c for c in compare_group(found, "car", GRID, "yaw_pos") if "Peer" in c.method]
     assert {c.measure.name.partition("_")[0] for c in compared} == {"ate", "are", "rte"}
     ate = compared[0].found
-    assert (ate.pairs, ate.routes, compared[0].alone) == (36, 12, 0)
+    assert (ate.pairs, ate.routes, compared[0].alone) == (36, 12, frozenset())
     assert ate.effects["mean"].change == pytest.approx(1.0, abs=0.1)
     assert ate.effects["mean"].low > 0.9
 
@@ -254,3 +266,16 @@ def test_the_table_of_a_study_leaves_measures_out_and_cuts_none(
     assert len(blocks) == 2
     assert all(re.split(r"  +", line.strip())[2:] == heads for line in blocks), blocks
     assert len(re.findall(r"^ +[−+\d].*%.*\] *$", text, re.MULTILINE)) == 4
+
+
+def test_names_are_no_markup() -> None:
+    runs = [
+        replace(r, group="car [/long]", axes={**r.axes, "distribution": f"{name} [/off]"})
+        for r in as_studied(made(routes=3, seeds=1))
+        if (name := r.axes["distribution"])
+    ]
+    console = Console(width=120, record=True, file=io.StringIO())
+    console.print(study_table(runs, "distribution", "grid [/off]", 120))
+    console.print(title("car [/long]"))
+    shown = console.export_text()
+    assert shown.count("p2gd [/off]") > 2 and shown.count("car [/long]") > 2

@@ -12,6 +12,7 @@ from run_records import metrics, record, records, write_records, write_run
 from p2gd_fgo.errors import DataError
 from p2gd_fgo.report.pages.sources import find_runs
 from p2gd_fgo.run_directory import RunDirectory
+from p2gd_fgo.run_record import write_plan
 
 
 def test_folders_at_any_depth_and_what_their_runs_differ_in(tmp_path: Path) -> None:
@@ -87,6 +88,27 @@ def test_of_lines_with_the_same_labels_the_last_counts(tmp_path: Path) -> None:
     found = find_runs([write_records(tmp_path / "results.jsonl", [old, new])])
     assert [e.record.key for e in found.entries] == ["new"]
     assert "1 runs stand in it again" in found.remarks[0]
+
+
+def test_lines_that_the_study_no_longer_names_are_left_out(tmp_path: Path) -> None:
+    made = records(groups=["car"], routes=1, seeds=2, backends=["smoother"])
+    path = write_records(tmp_path / "results.jsonl", made)
+    write_plan(tmp_path, [made[0].key, made[2].key])
+    for place in (tmp_path, path):
+        found = find_runs([place])
+        assert [e.record for e in found.entries] == [made[0], made[2]]
+        assert "2 runs are none that the study names now" in found.remarks[0]
+
+
+def test_a_run_in_two_studies_counts_once(tmp_path: Path) -> None:
+    made = records(groups=["car"], routes=1, seeds=2, backends=["smoother"])
+    write_records(tmp_path / "a" / "results.jsonl", made)
+    again = [replace(r, study="other") for r in made[:2]]
+    renamed = [replace(made[2], study="other", axes={"policy": "grid"})]
+    write_records(tmp_path / "b" / "results.jsonl", [*again, *renamed])
+    found = find_runs([tmp_path / "a", tmp_path / "b"])
+    assert [e.record for e in found.entries][:4] == made and len(found.entries) == 5
+    assert "2 runs stand in more than one of the studies" in found.remarks[0]
 
 
 @pytest.mark.parametrize("name", ["nowhere", "empty", "file.txt"])

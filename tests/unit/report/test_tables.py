@@ -99,6 +99,12 @@ def test_evaluate_table_without_frame_count() -> None:
     assert "400 estimates" in shown and "RTE %" in shown
 
 
+def test_evaluate_table_says_what_is_missing() -> None:
+    assert "PARTIAL: only 400 of 1000 images" in text(evaluate_table(metrics(total=1000)))
+    shown = text(evaluate_table(metrics(total=100)))
+    assert "COMPLETENESS UNKNOWN: 400 poses" in shown and "400 estimates" in shown
+
+
 def test_undetermined_alignment_shows_a_dash() -> None:
     stamps = np.arange(20, dtype=np.int64) * 100_000_000
     still = Trajectory(stamps, np.tile(np.eye(4), (20, 1, 1)))

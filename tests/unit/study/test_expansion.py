@@ -64,7 +64,7 @@ def test_rules(tmp_path: Path) -> None:
         ("robot_like-4", "grid"),
         ("robot_like-4", "p2gd"),
     }
-    kept = plan(tmp_path, include=[{"seed": [1, 2]}, {"distribution": "grid"}]).runs
+    kept = plan(tmp_path, include=[{"seed": "1..1"}, {"distribution": "grid"}]).runs
     assert all(r.seed == 1 or r.axes["distribution"] == "grid" for r in kept) and len(kept) == 6
 
 
@@ -91,7 +91,11 @@ def test_a_key_names_what_matters_and_nothing_else(tmp_path: Path) -> None:
         ({"axes": {"seed": [-1]}}, "axes.seed has -1: give whole numbers from 0 to 999"),
         ({"axes": {"seed": [1000]}}, "axes.seed has 1000"),
         ({"axes": {"p": {"a": {}, "b": {}}}}, "'robot_like-3 · a' and 'robot_like-3 · b' are the"),
-        ({"exclude": [{"distributon": "grid"}]}, "a rule names 'distributon', which is no axis"),
+        ({"axes": {"runtime.seed": [1]}}, "axes.runtime.seed: name the axis 'seed'"),
+        (
+            {"base": {"settings": {"runtime.seed": 1000}}, "axes": {"distribution": ["grid"]}},
+            "runtime.seed is 1000: give one below 1000",
+        ),
         ({"exclude": [{"group": "robot_like"}]}, "the rules leave no run"),
         ({"base": {"config": "nowhere.yaml"}}, "base.config 'nowhere.yaml' is neither in"),
         ({"sequences": SMALL["sequences"] * 2}, "two recordings are called 'robot_like-3'"),
@@ -119,3 +123,12 @@ def test_recordings_come_from_the_root_that_is_given(short_demo: Path, tmp_path:
     }
     source = added[0].source
     assert isinstance(source, Recorded) and (source.images, source.width) == (71, 400)
+
+
+def test_a_seed_of_the_settings_is_the_seed_of_all(tmp_path: Path) -> None:
+    """Of the front end, of the IMU's noise, and of the record."""
+    axes = {"distribution": ["grid"]}
+    runs = plan(tmp_path, axes=axes, base={"settings": {"runtime.seed": 5}}).runs
+    assert [(run.seed, run.config.runtime.seed) for run in runs] == [(5, 5)] * 2
+    sources = [run.source for run in runs if isinstance(run.source, Rendered)]
+    assert [source.scenario.imu.seed for source in sources] == [3005, 4005]

@@ -59,6 +59,44 @@ def test_a_file_of_priors_counts_by_its_content(tmp_path: Path) -> None:
         run_key(config, "data")
 
 
+def test_calibration_and_masks_count_by_what_they_hold(tmp_path: Path, recording: Path) -> None:
+    calibration, masks = tmp_path / "camchain.yaml", tmp_path / "masks"
+    masks.mkdir()
+    calibration.write_text("1")
+    (masks / "1.png").write_bytes(b"a")
+    names = {"dataset.calibration": str(calibration), "dataset.masks": "../masks"}
+    config = override(load_config(), names)
+
+    def key() -> str:
+        return run_key(config, "data", recording)
+
+    keys = [key()]
+    calibration.write_text("2")
+    keys.append(key())
+    (masks / "1.png").write_bytes(b"ab")
+    keys.append(key())
+    assert len(set(keys)) == 3 and key() == keys[-1]
+    calibration.unlink()
+    with pytest.raises(DataError, match=r"camchain\.yaml: can't be read"):
+        key()
+
+
+def test_masks_in_the_recording_count_with_it(recording: Path) -> None:
+    config = override(load_config(), {"dataset.masks": "images"})
+    assert run_key(config, "data", recording) == run_key(config, "data")
+
+
+def test_folders_behind_links_and_single_files_count(tmp_path: Path, recording: Path) -> None:
+    linked = tmp_path / "linked"
+    linked.mkdir()
+    (linked / "mav0").symlink_to(recording)
+    (recording / "round").symlink_to(linked)  # an endless way down, were it followed
+    for place, changed in ((linked, "imu.csv"), (recording / "all.bag", "all.bag")):
+        before = data_hash(Recorded(place, 1, 1))
+        (recording / changed).write_bytes(b"another content")
+        assert data_hash(Recorded(place, 1, 1)) != before
+
+
 def test_the_code_of_every_room_that_estimates_counts(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -69,6 +69,13 @@ def test_a_profile_replaces_what_it_names(tmp_path: Path) -> None:
             HEAD + ROUTES + "axes: {d: [y]}\npairing: {axis: d, baseline: x}",
             "'x' is not on the axis 'd': there are y",
         ),
+        (HEAD + ROUTES + "exclude: [{distributon: grid}]", "names 'distributon', which is no axis"),
+        (
+            HEAD + ROUTES + "axes: {d: [grid, p2gd]}\nexclude: [{d: p2dg}]",
+            "a rule names d 'p2dg', which there isn't: did you mean 'p2gd'?",
+        ),
+        (HEAD + ROUTES + "include: [{route: robot_like-9}]", "'robot_like-9', which there isn't"),
+        (HEAD + ROUTES + "include: [{group: car}]", "there isn't: there are robot_like"),
         ("name: ../a\nquestion: q\n" + ROUTES, "name is '../a'"),
         ("[1, 2]", "a study is a mapping of keys"),
         ("a: [", "not readable as YAML"),
@@ -112,3 +119,14 @@ def test_the_studies_of_the_project_can_be_planned(path: Path) -> None:
                 expand(profile, path.parent)
         else:
             assert expand(profile, path.parent).runs
+
+
+def test_paths_are_no_ranges_and_rules_may_have_them(tmp_path: Path) -> None:
+    spec = load(
+        tmp_path,
+        HEAD + ROUTES + "axes: {priors.file: [../a.tum, ../b.tum], seed: 0..3}\n"
+        "exclude: [{seed: 1..2}]\nprofiles: {quick: {axes: {seed: [7]}}}",
+    )
+    assert [value.label for value in spec.axes["priors.file"]] == ["../a.tum", "../b.tum"]
+    assert spec.exclude == ({"seed": [1, 2]},)
+    assert [value.label for value in spec.profile("quick").axes["seed"]] == [7]

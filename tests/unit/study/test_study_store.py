@@ -12,7 +12,7 @@ from p2gd_fgo.run_record import RunRecord
 from p2gd_fgo.study.expansion import expand
 from p2gd_fgo.study.runs import Run
 from p2gd_fgo.study.spec import StudySpec
-from p2gd_fgo.study.store import Store, is_finished, records_in
+from p2gd_fgo.study.store import Store, is_finished, lacks_segments, records_in
 from p2gd_fgo.study.work import unfinished
 
 
@@ -126,3 +126,27 @@ def test_when_a_record_stands_for_its_run(runs: tuple[Run, ...]) -> None:
     assert [is_finished(r, now, retry=True) for r in (crashed, done, failed)] == [False, True, True]
     assert not is_finished(done, "newer")
     assert is_finished(done, "newer", keep_older_code=True)
+
+
+def test_without_hard_links_every_run_keeps_its_truth(
+    tmp_path: Path, runs: tuple[Run, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError(1, "Operation not permitted")
+
+    monkeypatch.setattr("os.link", refuse)
+    with Store(tmp_path) as store:
+        for run in runs[:2]:
+            leave_files(store, run, "same")
+            store.add(run, record(run))
+    for run in runs[:2]:
+        files = sorted((tmp_path / "runs" / run.key).iterdir())
+        assert [path.name for path in files] == ["truth.tum"] and files[0].read_text() == "same"
+
+
+def test_runs_whose_pieces_are_wanted_later_are_done_again(runs: tuple[Run, ...]) -> None:
+    done = dataclasses.replace(record(runs[0]), status="done", reason=None)
+    wanting = dataclasses.replace(runs[0], segments=True)
+    assert lacks_segments(wanting, done) and not lacks_segments(runs[0], done)
+    assert not lacks_segments(wanting, dataclasses.replace(done, segments=[]))
+    assert not lacks_segments(wanting, dataclasses.replace(done, status="failed"))
