@@ -19,6 +19,10 @@ class DataError(P2gdError):
     """A recording, calibration or trajectory file that can't be used."""
 
 
+class ImageError(DataError):
+    """One image that can't be decoded; the others of its recording may be sound."""
+
+
 class InitializationError(P2gdError):
     """The estimator could not be started; the message gives the value and the threshold."""
 

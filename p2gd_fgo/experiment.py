@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import cv2
 from pydantic import BaseModel
 
-from p2gd_fgo.config import Config, config_hash, dump_yaml, resolve
+from p2gd_fgo.config import Config, config_hash, dump_yaml, override, resolve
 from p2gd_fgo.datasets import Sequence, open_sequence
+from p2gd_fgo.datasets.base import stamps_on_imu_clock
+from p2gd_fgo.datasets.opening import recording_path
 from p2gd_fgo.errors import ConfigError, DataError
 from p2gd_fgo.evaluation.evaluate import ErrorSeries, error_series, evaluate
 from p2gd_fgo.evaluation.evo_bridge import write_result
@@ -101,25 +104,44 @@ def run_experiment(
     _check_figures(figures, len(sequence.image_stamps_ns))
     config = resolve(config, sequence.calibration.camera.width)
     name = config.name or sequence.name
-    source = str(Path(config.dataset.path or "").resolve())
+    source = str(recording_path(config.dataset).resolve())
     path = out or Path("results", name, config_hash(config, source))
     check_free(path, overwrite)
+    config = override(config, {"dataset.path": source})  # found again from any working directory
     capture, opening = FrameCapture(figures), _Opening(path, overwrite)
+    watching = Observers(opening, observer or NoObserver(), capture)
     try:
-        result = run_sequence(
-            sequence, config, Observers(opening, observer or NoObserver(), capture)
+        result = run_sequence(sequence, config, watching)
+        assert opening.directory is not None
+        pictured = write_image_figures(
+            opening.directory, capture, figures, run=name, priors=result.priors
         )
+        return _judged(name, sequence, config, result, opening.directory, pictured)
     except BaseException as error:
         if opening.directory is not None:
-            opening.directory.finish("failed", f"stopped by {type(error).__name__}: {error}")
+            with suppress(OSError):  # of a full disk, say, which is told below
+                opening.directory.finish("failed", f"stopped by {type(error).__name__}: {error}")
+        if isinstance(error, OSError):
+            raise DataError(
+                f"{path}: the run can't be written ({error.strerror}): free some space, or give "
+                "another --out"
+            ) from error
         raise
-    directory = opening.directory
-    assert directory is not None
+
+
+def _judged(
+    name: str,
+    sequence: Sequence,
+    config: Config,
+    result: RunResult,
+    directory: RunDirectory,
+    pictured: Collection[Event],
+) -> Experiment:
+    """Judge a run and write what is known of it into its directory."""
     truth = sequence.truth.trajectory if sequence.truth else None
     metrics, errors, events = _judge(result, truth)
     header = describe(sequence, config, result, directory.path)
     tracking = _tracking(sequence, result, truth)
-    pictured = write_image_figures(directory, capture, figures, run=name, priors=result.priors)
     events = (*events, *pictured)
     timing = summarize_timing(result.timing)
 
@@ -158,7 +180,7 @@ def run_experiment(
     trajectory_figure(
         directory.file(FIGURE),
         result.estimate,
-        None if truth is None else _during(truth, sequence),
+        None if truth is None else _during(truth, sequence, config),
         errors,
         title=f"{name} · {config.backend.kind} · {config.distribution.kind}",
         note="" if result.status == "done" else f"failed: {result.reason}",
@@ -234,9 +256,9 @@ def _tracking(sequence: Sequence, result: RunResult, truth: Trajectory | None) -
     return tracking_quality(record, rotations)
 
 
-def _during(truth: Trajectory, sequence: Sequence) -> Trajectory:
+def _during(truth: Trajectory, sequence: Sequence, config: Config) -> Trajectory:
     """The truth while images were taken: a recording cut short is drawn no further."""
-    first, last = sequence.image_stamps_ns[[0, -1]]
+    first, last = stamps_on_imu_clock(sequence, config.dataset.time_offset_s)[[0, -1]]
     inside = (truth.stamps_ns >= first) & (truth.stamps_ns <= last)
     return Trajectory(truth.stamps_ns[inside], truth.T_world_imu[inside])
 

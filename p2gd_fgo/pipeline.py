@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Literal, Protocol
 
 import numpy as np
 
 from p2gd_fgo.config import Config, resolve
 from p2gd_fgo.datasets import Sequence, load_mask
+from p2gd_fgo.datasets.base import stamps_on_imu_clock
 from p2gd_fgo.errors import DataError, EstimatorError, InitializationError
 from p2gd_fgo.odometry import Odometry
 from p2gd_fgo.priors import PriorSource, make_prior_source
@@ -24,6 +24,7 @@ from p2gd_fgo.types import (
     Trajectory,
     Waiting,
 )
+from p2gd_fgo.user_paths import user_path
 
 
 class Observer(Protocol):
@@ -79,7 +80,7 @@ def run_sequence(
     observer = observer or NoObserver()
     timer = StageTimer()
     fixed_mask = (
-        load_mask(Path(config.dataset.mask), sequence.calibration.camera)
+        load_mask(user_path(config.dataset.mask, "dataset.mask"), sequence.calibration.camera)
         if config.dataset.mask
         else None
     )
@@ -97,36 +98,36 @@ def run_sequence(
 
     recorder = Recorder(sequence.events)
     counts, events = recorder.counts, recorder.events
+    first_ns = int(sequence.image_stamps_ns[0]) + odometry.offset_ns
     status: Literal["done", "failed"] = "done"
     reason, smoothed = None, Trajectory(np.zeros(0, np.int64), np.zeros((0, 4, 4)))
     try:
         for index, stamp_ns, imu in _images_with_imu(sequence, odometry.offset_ns):
             odometry.add_imu(imu)
+            on_imu_clock = stamp_ns + odometry.offset_ns
             try:
                 with timer.stage("decode"):
                     image: Image = sequence.image(index)
                     mask = sequence.mask(index)
             except DataError as error:
                 counts["images_unreadable"] += 1
-                events.append(Event(stamp_ns, "image_unreadable", str(error)))
+                events.append(Event(on_imu_clock, "image_unreadable", str(error)))
                 timer.take()
                 continue
             if config.dataset.masks is not None and mask is None:
                 counts["masks_missing"] += 1
             outcome = odometry.add_image(stamp_ns, image, mask=mask)
-            recorder.add(stamp_ns, outcome, odometry, timer.take())
+            recorder.add(on_imu_clock, outcome, odometry, timer.take())
             observer.frame(index, outcome, image, odometry)
         smoothed = odometry.finish()
     except (InitializationError, EstimatorError) as error:
         status, reason = "failed", str(error)
         kind = "start_refused" if isinstance(error, InitializationError) else "diverged"
         last = recorder.last_stamp_ns
-        events.append(
-            Event(int(sequence.image_stamps_ns[0]) if last is None else last, kind, reason)
-        )
+        events.append(Event(first_ns if last is None else last, kind, reason))
     if counts["masks_missing"]:
         message = f"{counts['masks_missing']} images have no mask and were used whole"
-        events.append(Event(int(sequence.image_stamps_ns[0]), "masks_missing", message))
+        events.append(Event(first_ns, "masks_missing", message))
     total = len(sequence.image_stamps_ns)
     return recorder.result(status, reason, smoothed, odometry, total, source.description)
 
@@ -142,13 +143,11 @@ def prior_source(sequence: Sequence, config: Config) -> PriorSource:
     config = resolve(config, sequence.calibration.camera.width)
     horizon = config.distribution.p2gd.horizon
     assert horizon is not None
-    offset_s = config.dataset.time_offset_s
-    offset_s = sequence.calibration.time_offset_s if offset_s is None else offset_s
     return make_prior_source(
         config.priors,
         horizon,
         truth=sequence.truth,
-        image_stamps_ns=sequence.image_stamps_ns + round(offset_s * NANOSECONDS),
+        image_stamps_ns=stamps_on_imu_clock(sequence, config.dataset.time_offset_s),
         seed=config.runtime.seed,
     )
 

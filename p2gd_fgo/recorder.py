@@ -51,7 +51,7 @@ class RunResult:
     frames_total
         Images in the recording.
     timing_stamps_ns, timing
-        For each image processed: (CPU ms, wall ms) by stage.
+        For each image processed: (CPU ms, wall ms) by stage. All stamps are on the IMU's clock.
     events
         What a reader of the report must know.
     counts
@@ -120,7 +120,7 @@ class Recorder:
         odometry: Odometry,
         times: dict[str, tuple[float, float]],
     ) -> None:
-        """Write down one image that the odometry has processed."""
+        """Write down one image that the odometry has processed; its stamp is on the IMU's clock."""
         assert odometry.decision is not None
         self._timed.append((stamp_ns, times))
         if isinstance(outcome, Estimate):

@@ -6,7 +6,7 @@ only 0.2 µs, and an image is found by its nanoseconds.
 
 from __future__ import annotations
 
-from decimal import Decimal, InvalidOperation
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -123,7 +123,7 @@ def _tum_row(line: str, where: str) -> tuple[int, *tuple[float, ...]]:
         )
     try:
         stamp = int((Decimal(fields[0]) * NANOSECONDS).to_integral_value())
-    except (InvalidOperation, ValueError, OverflowError):
+    except (ArithmeticError, ValueError):
         raise DataError(f"{where}: the stamp '{fields[0]}' is no time in seconds") from None
     if abs(stamp) > np.iinfo(np.int64).max:
         raise DataError(

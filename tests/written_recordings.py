@@ -298,7 +298,7 @@ def write_bag(
     Parameters
     ----------
     images
-        Encoding of raw images, or ``png`` or ``jpeg`` for compressed ones.
+        Encoding of raw images, or the format of compressed ones, in which png or jpeg stands.
     compression
         ROS 1: the format; ROS 2: mode and format.
     recorded_late_ns
@@ -365,8 +365,10 @@ class _Messages:
         )
 
     def image(self, stamp: int, image: Image, encoding: str) -> Any:
-        if encoding in ("png", "jpeg"):
-            _, data = cv2.imencode(f".{encoding}", image)
+        if "png" in encoding or "jpeg" in encoding:
+            data = np.frombuffer(b"no picture", np.uint8)
+            if image.size:
+                _, data = cv2.imencode(".png" if "png" in encoding else ".jpeg", image)
             name = "sensor_msgs/msg/CompressedImage"
             return self.make(name, self.header(stamp), encoding, data.ravel())
         data, pixel = encoded(image, encoding)

@@ -51,6 +51,6 @@ def dump(
     )
     if width is not None:
         made = resolve(made, width)
-    Console(soft_wrap=True, highlight=False, markup=False).print(
+    Console(soft_wrap=True, highlight=False, markup=False, emoji=False).print(
         dump_yaml(made, comments=comments), end=""
     )

@@ -41,14 +41,23 @@ def convert(
 ) -> None:  # fmt: skip
     """Write a recording as an ASL folder: images, IMU, calibration, truth, masks."""
     made = make_config(recording, config, settings)
-    console = Console(soft_wrap=True, highlight=False)
+    console = Console(soft_wrap=True, highlight=False, markup=False, emoji=False)
     if out.suffix in _TRAJECTORY_SUFFIXES:
         _write_trajectory(made, out, overwrite, console)
         return
 
     from p2gd_fgo.datasets import open_sequence
     from p2gd_fgo.datasets.convert import convert_to_asl
+    from p2gd_fgo.datasets.opening import recording_path
 
+    source, target = recording_path(made.dataset).resolve(), out.resolve()
+    if source.is_relative_to(target):
+        raise DataError(f"{out}: the recording itself lies there: give another folder")
+    if made.dataset.mask is not None:
+        raise DataError(
+            "dataset.mask: an ASL folder holds no mask that is the same for all images: leave it "
+            "away here, and give it to the run"
+        )
     sequence = open_sequence(made.dataset, max_gap_s=made.imu.max_gap_s)
     columns = (
         TextColumn("[bold]{task.description}"), BarColumn(bar_width=None), MofNCompleteColumn(),
@@ -66,7 +75,7 @@ def convert(
     poses = len(sequence.truth.trajectory) if sequence.truth else 0
     console.print(f"{out}: {how}{masks}, {len(sequence.imu)} IMU samples, {poses} poses of truth")
     for note in (*(event.message for event in sequence.events), *done.notes):
-        console.print(f"note: {note}", markup=False)
+        console.print(f"note: {note}")
 
 
 def _write_trajectory(config: Config, out: Path, overwrite: bool, console: Console) -> None:

@@ -91,8 +91,11 @@ def _write_picture(path: Path, sequence: Sequence, examined: Examination) -> Non
     if examined.example is None:
         raise DataError(f"--picture {path}: none of the images looked at can be decoded")
     data = lens_picture(sequence.image(examined.example), sequence.calibration.camera)
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(data)
+    try:
+        with atomic_path(path) as temporary:
+            temporary.write_bytes(data)
+    except OSError as error:
+        raise DataError(f"--picture {path}: can't be written ({error.strerror})") from None
 
 
 def _print(report: Report) -> None:

@@ -85,11 +85,11 @@ def _pairs(
     from p2gd_fgo.run_directory import CONFIG
 
     config = load_config(first / CONFIG)
-    recording = str(config.dataset.path)
-    if recording not in seen:
-        seen[recording] = _moving(config, masks)
-    a, b = (run_segments(run, length_m=length_m, moving=seen[recording]) for run in (first, second))
-    return pair_segments(a, b, Path(recording).name)
+    part = config.dataset.model_dump_json()  # of one recording another part has other masks
+    if part not in seen:
+        seen[part] = _moving(config, masks)
+    a, b = (run_segments(run, length_m=length_m, moving=seen[part]) for run in (first, second))
+    return pair_segments(a, b, Path(str(config.dataset.path)).name)
 
 
 def _runs(a: Path, b: Path) -> list[tuple[Path, Path]]:

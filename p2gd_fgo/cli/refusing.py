@@ -15,9 +15,8 @@ def run_refusing(body: Callable[[], None]) -> None:
     try:
         body()
     except P2gdError as error:
-        Console(stderr=True, soft_wrap=True, highlight=False, markup=False).print(
-            f"p2gd-fgo: {error}"
-        )
+        console = Console(stderr=True, soft_wrap=True, highlight=False, markup=False, emoji=False)
+        console.print(f"p2gd-fgo: {error}")
         sys.exit(2)
     except KeyboardInterrupt:
         sys.exit(130)

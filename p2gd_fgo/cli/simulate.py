@@ -75,7 +75,7 @@ def simulate(
 
     from p2gd_fgo.simulation import recorder
 
-    console = Console(soft_wrap=True, highlight=False)
+    console = Console(soft_wrap=True, highlight=False, markup=False, emoji=False)
     folder = out or recorder.default_folder(scenario)
     if only_preview:
         recorder.sample_sheet(scenario, preview, folder / "preview.jpg")

@@ -104,10 +104,10 @@ def config_hash(config: Config, *extra: str) -> str:
 
 
 def _read(path: Path, above: tuple[Path, ...]) -> dict[str, Any]:
-    path = path.resolve()
-    if path in above:
-        raise ConfigError(f"{path}: 'extends' goes round in a circle through this file")
     try:
+        path = path.resolve()
+        if path in above:
+            raise ConfigError(f"{path}: 'extends' goes round in a circle through this file")
         if path.stat().st_size > yaml_text.MAX_CHARACTERS:
             raise ValueError("too large")
         data = yaml_text.parse(path.read_text(encoding="utf-8"))

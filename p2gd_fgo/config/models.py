@@ -27,7 +27,10 @@ class DatasetConfig(Model):
         "see docs/datasets.md",
     )
     camera: str = Field(
-        "cam0", description="folder of the camera, or its key in the calibration; bag: the key"
+        "cam0",
+        min_length=1,
+        max_length=100,
+        description="folder of the camera, or its key in the calibration; bag: the key",
     )
     calibration: str | None = Field(
         None,

@@ -68,6 +68,9 @@ def parse(text: str) -> Any:
         return yaml.load(text, Loader=_Loader)
     except yaml.YAMLError as error:
         raise ValueError(" ".join(str(error).split())) from None
+    except (KeyError, IndexError, AttributeError, TypeError) as error:
+        # What PyYAML makes of a tag on a value that isn't of its kind, such as "!!bool maybe".
+        raise ValueError(f"a value that its tag doesn't fit ({error})") from None
 
 
 def dump_value(value: object) -> str:

@@ -11,13 +11,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from p2gd_fgo.config.models import DatasetConfig
 from p2gd_fgo.datasets.asl_calibration import load_asl_calibration
 from p2gd_fgo.datasets.asl_truth import load_truth
 from p2gd_fgo.datasets.base import Calibration
-from p2gd_fgo.datasets.calibration_files import find_calibration, load_calibration, with_offset
+from p2gd_fgo.datasets.calibration_fields import imu_noise, read_yaml
+from p2gd_fgo.datasets.calibration_files import find_calibration, named_calibration, with_offset
 from p2gd_fgo.datasets.csv_tables import read_image_list, read_table
 from p2gd_fgo.datasets.folder_sequence import FolderSequence, check_first_image
 from p2gd_fgo.datasets.imu_samples import imu_from_table
@@ -38,7 +40,8 @@ def find_mav0(folder: Path, camera: str) -> Path | None:
     """Find the folder that holds the sensors: ``folder/mav0`` or ``folder`` itself."""
     if (folder / "mav0").is_dir():
         return folder / "mav0"
-    return folder if (folder / camera).is_dir() or (folder / "cam0").is_dir() else None
+    named = (folder / camera / "data.csv").is_file()  # KITTI raw's cameras are folders, too
+    return folder if named or any((folder / n).is_dir() for n in ("cam0", "imu0")) else None
 
 
 def open_asl(mav0: Path, config: DatasetConfig, max_gap_s: float) -> AslSequence:
@@ -86,11 +89,15 @@ def open_asl(mav0: Path, config: DatasetConfig, max_gap_s: float) -> AslSequence
 
 
 def _calibration(mav0: Path, config: DatasetConfig) -> Calibration:
+    inertial = mav0 / "imu0" / "sensor.yaml"
     if config.calibration is not None:
-        return load_calibration(Path(config.calibration).expanduser(), config.camera)
+        given = named_calibration(config)
+        if given.imu_noise is None and inertial.is_file():
+            return replace(given, imu_noise=imu_noise(read_yaml(inertial), str(inertial)))
+        return given
     camera = mav0 / config.camera / "sensor.yaml"
     if not camera.is_file():  # TUM-VI's exports hold Kalibr's files in a folder beside mav0
         found = find_calibration(mav0.parent / "dso", config.camera)
         if found is not None:
             return found
-    return load_asl_calibration(camera, mav0 / "imu0" / "sensor.yaml")
+    return load_asl_calibration(camera, inertial)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from p2gd_fgo.datasets.bag_images import BagImages
 from p2gd_fgo.datasets.bag_reading import Bag
 from p2gd_fgo.datasets.bag_topics import find_topic
 from p2gd_fgo.datasets.base import Calibration, EncodedImage
-from p2gd_fgo.datasets.calibration_files import load_calibration, with_offset
+from p2gd_fgo.datasets.calibration_files import named_calibration, with_offset
 from p2gd_fgo.datasets.csv_tables import Table
 from p2gd_fgo.datasets.images import check_size
 from p2gd_fgo.datasets.imu_samples import imu_from_table
@@ -22,7 +23,7 @@ from p2gd_fgo.datasets.integrity import increasing_order
 from p2gd_fgo.datasets.masks import MaskFolder, configured_masks
 from p2gd_fgo.datasets.part import choose_part
 from p2gd_fgo.datasets.poses import ordered_trajectory, poses_from_quaternions, truth_frame
-from p2gd_fgo.errors import DataError
+from p2gd_fgo.errors import DataError, ImageError
 from p2gd_fgo.types import Event, Image, ImuBatch, IntArray, Trajectory, Truth
 
 
@@ -101,10 +102,7 @@ def open_bag(path: Path, config: DatasetConfig, max_gap_s: float) -> BagSequence
             f"{path}: a bag holds no calibration of camera and IMU: name a Kalibr or OpenVINS "
             "camera chain, or an ASL sensor.yaml, by dataset.calibration"
         )
-    calibration = with_offset(
-        load_calibration(Path(config.calibration).expanduser(), config.camera),
-        config.time_offset_s,
-    )
+    calibration = with_offset(named_calibration(config), config.time_offset_s)
     bag = Bag(path)
     camera = find_topic(bag, "image_topic", config.image_topic)
     inertial = find_topic(bag, "imu_topic", config.imu_topic)
@@ -129,7 +127,8 @@ def open_bag(path: Path, config: DatasetConfig, max_gap_s: float) -> BagSequence
         truth=part.truth,
         events=(*image_events, *imu_events, *truth_events, *part.events),
     )
-    sequence.image(0)
+    with suppress(ImageError):  # one bad image is survived; it is said when it is asked for
+        sequence.image(0)
     return sequence
 
 

@@ -28,6 +28,7 @@ _CHANNELS = {
     "bayer_grbg8": (1, cv2.COLOR_BayerGRBG2GRAY),
 }
 _WIDE = ("mono16", "16UC1")
+_BAYER_FORMAT = re.compile(r"\s*(bayer_\w+)\s*;\s*\w*\s*compressed\s*(?:bayer_\w+)?\s*$")
 _SUFFIXES = {b"\x89PNG": ".png", b"\xff\xd8\xff": ".jpg"}
 _MAX_SIDE = 1 << 16
 
@@ -73,11 +74,15 @@ class BagImages:
         message, where = self._message(number), self._where(number)
         if message.__msgtype__.endswith("CompressedImage"):
             _check_format(message.format, where)
-            return decode_grey_bytes(message.data.tobytes(), where)
+            image = decode_grey_bytes(message.data.tobytes(), where)
+            mosaic = _mosaic(message.format, where)
+            return image if mosaic is None else _converted(image, _CHANNELS[mosaic][1], where)
         return decode_message(message, where)
 
     def encoded(self, number: int) -> EncodedImage | None:
         """Image ``number`` as the PNG or JPEG that it was recorded as, or None.
+
+        None, too, where that is the raw mosaic of a colour sensor, which isn't a picture.
 
         Raises
         ------
@@ -86,6 +91,8 @@ class BagImages:
         """
         message = self._message(number)
         if not message.__msgtype__.endswith("CompressedImage"):
+            return None
+        if _mosaic(message.format, self._where(number)) is not None:
             return None
         data = message.data.tobytes()
         suffix = next((s for head, s in _SUFFIXES.items() if data.startswith(head)), None)
@@ -137,12 +144,34 @@ def decode_message(message: Any, where: str) -> Image:
     if conversion is None:
         return np.ascontiguousarray(rows)
     pixels = rows.reshape(height, width, channels) if channels > 1 else rows
+    return _converted(np.ascontiguousarray(pixels), conversion, f"{where}, {message.encoding}")
+
+
+def _converted(pixels: Image, conversion: int | None, where: str) -> Image:
     try:
-        return np.asarray(cv2.cvtColor(np.ascontiguousarray(pixels), conversion), dtype=np.uint8)
+        return np.asarray(cv2.cvtColor(pixels, conversion or 0), dtype=np.uint8)
     except cv2.error:
-        raise DataError(
-            f"{where}: {width}x{height} px {message.encoding} can't be converted to grey"
-        ) from None
+        height, width = pixels.shape[:2]
+        raise DataError(f"{where}: {width}x{height} px can't be converted to grey") from None
+
+
+def _mosaic(text: str, where: str) -> str | None:
+    """The encoding of a compressed Bayer mosaic, which image_transport packs as it is.
+
+    The format is ``bayer_rggb8; png compressed``; a colour behind ``compressed`` says that the
+    publisher converted it before.
+
+    Raises
+    ------
+    DataError
+        A mosaic of a kind that isn't known.
+    """
+    found = _BAYER_FORMAT.match(text)
+    if found is None:
+        return None
+    if found[1] not in _CHANNELS:
+        raise DataError(f"{where}: the format is {text[:60]!r}, known are 8-bit Bayer mosaics")
+    return found[1]
 
 
 def _check_format(text: str, where: str) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 from p2gd_fgo.geometry.camera import Camera
-from p2gd_fgo.types import Event, FloatArray, Image, ImuBatch, IntArray, Truth
+from p2gd_fgo.types import NANOSECONDS, Event, FloatArray, Image, ImuBatch, IntArray, Truth
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,3 +148,15 @@ class Sequence(Protocol):
             The file can't be decoded or is of another size than the image.
         """
         ...
+
+
+def stamps_on_imu_clock(sequence: Sequence, time_offset_s: float | None = None) -> IntArray:
+    """Stamps (N,) of the images on the IMU's clock: t_imu = t_cam + offset.
+
+    Parameters
+    ----------
+    time_offset_s
+        ``dataset.time_offset_s``; None: the calibration's.
+    """
+    offset_s = sequence.calibration.time_offset_s if time_offset_s is None else time_offset_s
+    return sequence.image_stamps_ns + round(offset_s * NANOSECONDS)

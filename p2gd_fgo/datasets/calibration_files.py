@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from p2gd_fgo.config.models import DatasetConfig
 from p2gd_fgo.datasets.asl_calibration import load_asl_calibration
 from p2gd_fgo.datasets.base import Calibration, ImuNoise
 from p2gd_fgo.datasets.calibration_fields import (
@@ -24,9 +25,11 @@ from p2gd_fgo.datasets.calibration_fields import (
     read_yaml,
     rigid_transform,
 )
+from p2gd_fgo.datasets.imu_intrinsics import check_plain_imu
 from p2gd_fgo.errors import DataError
 from p2gd_fgo.geometry import pose
 from p2gd_fgo.types import FloatArray
+from p2gd_fgo.user_paths import user_path
 
 _MAX_FILES = 100
 _AGREE = 1e-3
@@ -65,6 +68,19 @@ def load_calibration(path: Path, camera: str) -> Calibration:
     if "T_BS" in document.data:
         return load_asl_calibration(path, path.parent.parent / "imu0" / "sensor.yaml")
     return _join([document, *_referred(document)], camera, str(path))
+
+
+def named_calibration(config: DatasetConfig) -> Calibration:
+    """Read ``dataset.calibration``, which is set.
+
+    Raises
+    ------
+    DataError
+        As :func:`load_calibration`.
+    """
+    assert config.calibration is not None
+    path = user_path(config.calibration, "dataset.calibration")
+    return load_calibration(path, config.camera)
 
 
 def find_calibration(folder: Path, camera: str) -> Calibration | None:
@@ -190,11 +206,5 @@ def _noise(documents: list[_Document]) -> ImuNoise | None:
             "the file of the camera by dataset.calibration and give the noise by imu.*"
         )
     data, where = sections[0]
-    if data.get("T_i_b") is not None:
-        T = rigid_transform(data, "T_i_b", where)
-        if np.abs(T - np.eye(4)).max() > _AGREE:
-            raise DataError(
-                f"{where}: T_i_b is not the identity, but the body is this IMU: give the chain of "
-                "the IMU that is used"
-            )
+    check_plain_imu(data, where)
     return imu_noise(data, where)

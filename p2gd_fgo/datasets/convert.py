@@ -15,6 +15,8 @@ from p2gd_fgo.datasets.base import KeepsEncodedImages, Sequence
 from p2gd_fgo.errors import DataError
 from p2gd_fgo.types import Truth
 
+_WRITTEN = ("cam0", "mask0", "imu0", "state_groundtruth_estimate0")
+
 
 @dataclass(frozen=True, slots=True)
 class Conversion:
@@ -51,20 +53,26 @@ def convert_to_asl(
     Parameters
     ----------
     overwrite
-        Replace an ASL folder that is there.
+        Replace what an earlier conversion wrote there.
     progress
         Called with the images done and their number.
 
     Raises
     ------
     DataError
-        The folder holds something already; not one image can be read; the disk is full.
+        The folder holds something already (with ``overwrite``: that is of no conversion); not one
+        image can be read; the disk is full.
     """
+    folder = folder.absolute()
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         if not overwrite:
             raise DataError(f"{folder} exists already: give a new folder, or --overwrite")
-        if not (folder / "mav0").is_dir():
-            raise DataError(f"{folder} is no ASL folder, so --overwrite leaves it: give a new one")
+        foreign = _foreign(folder)
+        if foreign is not None:
+            raise DataError(
+                f"{folder} holds {foreign}, which no conversion writes, so --overwrite leaves it: "
+                "give a new folder"
+            )
     part = folder.with_name(f".{folder.name}.{os.getpid()}.part")
     try:
         done = _write(sequence, part, progress)
@@ -78,6 +86,16 @@ def convert_to_asl(
     return done
 
 
+def _foreign(folder: Path) -> str | None:
+    """The first thing in a folder that isn't of a conversion, by name."""
+    if not folder.is_dir():
+        return "a file"
+    above = [path.name for path in sorted(folder.iterdir()) if path.name != "mav0"]
+    inside = (path.name for path in sorted((folder / "mav0").glob("*")))
+    others = (*above, *(f"mav0/{name}" for name in inside if name not in _WRITTEN))
+    return next(iter(others), None)
+
+
 def _write(
     sequence: Sequence, folder: Path, progress: Callable[[int, int], None] | None
 ) -> Conversion:
@@ -87,8 +105,8 @@ def _write(
     kept, suffixes, faults, copied, masks = [], [], [], 0, 0
     for index, stamp in enumerate(sequence.image_stamps_ns.tolist()):
         try:
-            suffix = _write_image(sequence, index, data / str(stamp))
             mask = sequence.mask(index)
+            suffix = _write_image(sequence, index, data / str(stamp))
         except DataError as error:
             faults.append(str(error))
             continue

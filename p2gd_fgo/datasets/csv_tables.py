@@ -77,7 +77,7 @@ def read_table(path: Path, widths: tuple[int, ...]) -> Table:
     far = (stamps > MAX_STAMP) | (stamps < -MAX_STAMP)
     if far.any():
         worst = int(np.argmax(far))
-        _stamp(str(stamps[worst]), f"{path}, line {lines[worst]}")
+        whole_stamp(str(stamps[worst]), f"{path}, line {lines[worst]}")
     return Table(path, np.array(lines, dtype=np.int64), stamps, values)
 
 
@@ -98,7 +98,7 @@ def read_image_list(path: Path) -> tuple[IntArray, list[str]]:
         if not name:
             raise DataError(f"{where}: a stamp in ns and a file name expected, but found {row!r}")
         check_file_name(name, where)
-        value = _stamp(stamp, where)
+        value = whole_stamp(stamp, where)
         if stamps and value <= stamps[-1]:
             raise DataError(
                 f"{where}: image stamp {value} doesn't come after {stamps[-1]}: "
@@ -132,7 +132,7 @@ def read_stamps(path: Path) -> IntArray:
     rows, lines = _read_rows(path)
     return np.array(
         [
-            _stamp(row.partition(",")[0].strip(), f"{path}, line {line}")
+            whole_stamp(row.partition(",")[0].strip(), f"{path}, line {line}")
             for row, line in zip(rows, lines, strict=True)
         ],
         dtype=np.int64,
@@ -172,7 +172,14 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _stamp(text: str, where: str) -> int:
+def whole_stamp(text: str, where: str) -> int:
+    """A stamp in whole nanoseconds.
+
+    Raises
+    ------
+    DataError
+        No whole number, or one that can't be nanoseconds since 1970.
+    """
     try:
         value = int(text)
     except ValueError:
@@ -188,7 +195,7 @@ def _stamp(text: str, where: str) -> int:
 
 def _check_row(row: str, width: int, where: str) -> None:
     fields = [field.strip() for field in row.split(",")]
-    _stamp(fields[0], where)
+    whole_stamp(fields[0], where)
     if len(fields) < width:
         raise DataError(f"{where}: {len(fields)} columns found, {width} needed")
     for column, field in enumerate(fields[1:width], start=2):

@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from p2gd_fgo.errors import DataError
+from p2gd_fgo.errors import DataError, ImageError
 from p2gd_fgo.geometry.camera import Camera
 from p2gd_fgo.types import Image
 
@@ -62,13 +62,13 @@ def _decode(data: bytes, flags: int, where: str) -> Image:
     # Some decoders fill the missing part with grey and say nothing, others write to the terminal.
     for head, end in _ENDS.items():
         if data.startswith(head) and end not in data[-_TAIL:]:
-            raise DataError(f"{where}: the image is truncated after {len(data)} bytes")
+            raise ImageError(f"{where}: the image is truncated after {len(data)} bytes")
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
     except cv2.error:  # such as a header that asks for 2^30 pixels
         image = None
     if image is None:
-        raise DataError(f"{where}: not an image that can be decoded ({len(data)} bytes)")
+        raise ImageError(f"{where}: not an image that can be decoded ({len(data)} bytes)")
     return np.asarray(image)
 
 

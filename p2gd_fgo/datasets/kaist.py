@@ -22,12 +22,13 @@ from p2gd_fgo.config.models import DatasetConfig
 from p2gd_fgo.datasets.base import Calibration, ImuNoise
 from p2gd_fgo.datasets.calibration_fields import (
     exact_transform,
+    known_model,
     make_camera,
     numbers,
     read_yaml,
 )
-from p2gd_fgo.datasets.calibration_files import load_calibration, with_offset
-from p2gd_fgo.datasets.csv_tables import Table, read_stamps, read_table
+from p2gd_fgo.datasets.calibration_files import named_calibration, with_offset
+from p2gd_fgo.datasets.csv_tables import Table, read_stamps, read_table, whole_stamp
 from p2gd_fgo.datasets.folder_sequence import FolderSequence, check_first_image
 from p2gd_fgo.datasets.images import decode_raw
 from p2gd_fgo.datasets.imu_samples import imu_from_table
@@ -103,7 +104,7 @@ def open_kaist(folder: Path, config: DatasetConfig, max_gap_s: float) -> KaistSe
 
 def _calibration(folder: Path, T_vehicle_imu: FloatArray, config: DatasetConfig) -> Calibration:
     if config.calibration is not None:
-        given = load_calibration(Path(config.calibration).expanduser(), config.camera)
+        given = named_calibration(config)
         return given if given.imu_noise is not None else replace(given, imu_noise=_NOISE)
     if config.camera != "cam0":
         raise DataError(
@@ -116,7 +117,8 @@ def _calibration(folder: Path, T_vehicle_imu: FloatArray, config: DatasetConfig)
     if skew != 0.0:
         raise DataError(f"{where}: camera_matrix has a skew of {skew}, known are cameras without")
     model = data.get("distortion_model", "plumb_bob")
-    k = numbers(data, "distortion_coefficients", (4, 5), where)
+    counts = known_model(model, where)
+    k = [] if counts == (0,) else numbers(data, "distortion_coefficients", counts, where)
     size = [numbers(data, f"image_{side}", (1,), where)[0] for side in ("width", "height")]
     T_vehicle_cam = _vehicle_from(folder / "calibration" / "Vehicle2Stereo.txt")
     return Calibration(
@@ -164,7 +166,7 @@ def _image_stamps(folder: Path) -> tuple[IntArray, list[Event]]:
             raise DataError(
                 f"{images}: no image named by its stamp, such as 1544590798000000000.png"
             )
-        stamps = np.array(sorted(int(name) for name in names), dtype=np.int64)
+        stamps = np.array(sorted(whole_stamp(n, str(images)) for n in names), dtype=np.int64)
     order, events = increasing_order(stamps, "image")
     return stamps[order], events
 

@@ -24,9 +24,10 @@ from p2gd_fgo.datasets.imu_samples import imu_from_table
 from p2gd_fgo.datasets.integrity import increasing_order
 from p2gd_fgo.datasets.kitti_calibration import FILES, load_kitti_calibration
 from p2gd_fgo.datasets.poses import check_finite, ordered_trajectory
-from p2gd_fgo.errors import DataError
+from p2gd_fgo.errors import DataError, ImageError
 from p2gd_fgo.geometry import pose, so3
 from p2gd_fgo.types import Event, FloatArray, Truth
+from p2gd_fgo.user_paths import user_path
 
 _COLUMNS = 30
 _EARTH_RADIUS = 6_378_137.0
@@ -78,16 +79,27 @@ def open_kitti_raw(folder: Path, config: DatasetConfig, max_gap_s: float) -> Kit
 def _calibration(
     folder: Path, number: str, paths: list[Path], config: DatasetConfig
 ) -> Calibration:
-    given = None if config.calibration is None else Path(config.calibration).expanduser()
+    given = (
+        None if config.calibration is None else user_path(config.calibration, "dataset.calibration")
+    )
     if given is not None and not (given / FILES[0]).is_file():
         return load_calibration(given, config.camera)
     homes = [given] if given is not None else [folder, folder.parent]
     home = next((h for h in homes if (h / FILES[0]).is_file()), homes[-1])
-    first = next((path for path in paths if path.is_file()), None)
-    if first is None:
-        raise DataError(f"{paths[0].parent}: no image, the first would be {paths[0].name}")
-    height, width = decode_grey(first).shape
-    return load_kitti_calibration(home, number, (width, height))
+    return load_kitti_calibration(home, number, _image_size(paths))
+
+
+def _image_size(paths: list[Path]) -> tuple[int, int]:
+    """Width and height of the first image that can be decoded."""
+    fault = DataError(f"{paths[0].parent}: no image, the first would be {paths[0].name}")
+    for path in (path for path in paths if path.is_file()):
+        try:
+            height, width = decode_grey(path).shape
+        except ImageError as error:
+            fault = error
+            continue
+        return width, height
+    raise fault
 
 
 def _oxts(folder: Path) -> Table:

@@ -11,6 +11,7 @@ from p2gd_fgo.datasets.images import check_size, decode_grey
 from p2gd_fgo.errors import DataError
 from p2gd_fgo.geometry.camera import Camera
 from p2gd_fgo.types import Image
+from p2gd_fgo.user_paths import user_path
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,4 +86,5 @@ def configured_masks(
         return None
     recording = Path(config.path or ".").expanduser()
     root = recording if recording.is_dir() else recording.parent
-    return open_masks(root / Path(config.masks).expanduser(), images, camera)
+    masks = user_path(config.masks, "dataset.masks")
+    return open_masks(user_path(str(root / masks), "dataset.masks"), images, camera)

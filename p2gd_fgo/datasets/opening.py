@@ -13,6 +13,7 @@ from p2gd_fgo.datasets.kaist import is_kaist, open_kaist
 from p2gd_fgo.datasets.kitti_raw import is_kitti_raw, open_kitti_raw
 from p2gd_fgo.datasets.tum import is_tum, open_tum
 from p2gd_fgo.errors import DataError
+from p2gd_fgo.user_paths import user_path
 
 _FIELDS_OF = {
     "image_topic": ("bag",),
@@ -72,7 +73,7 @@ def recording_path(config: DatasetConfig) -> Path:
     """
     if config.path is None:
         raise DataError("dataset.path is not set: give the folder of a recording, or a bag")
-    path = Path(config.path).expanduser()
+    path = user_path(config.path, "dataset.path")
     if not path.exists():
         raise DataError(f"dataset.path: {path} doesn't exist")
     return path

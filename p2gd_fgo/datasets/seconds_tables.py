@@ -5,7 +5,7 @@ Times go through decimal arithmetic: a float64 of seconds since 1970 resolves on
 
 from __future__ import annotations
 
-from decimal import Decimal, InvalidOperation
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -74,7 +74,7 @@ def seconds_to_ns(text: str, where: str) -> int:
                 f"{where}: the time {text[:60]} is no number of seconds (nanoseconds are not "
                 "taken here)"
             )
-    except InvalidOperation:
+    except ArithmeticError:
         raise DataError(f"{where}: {text[:60]!r} is no time in seconds") from None
     return int((seconds * NANOSECONDS).to_integral_value())
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from p2gd_fgo.config.models import DatasetConfig
 from p2gd_fgo.datasets.base import Calibration
-from p2gd_fgo.datasets.calibration_files import find_calibration, load_calibration, with_offset
+from p2gd_fgo.datasets.calibration_files import find_calibration, named_calibration, with_offset
 from p2gd_fgo.datasets.folder_sequence import FolderSequence, check_first_image
 from p2gd_fgo.datasets.imu_samples import imu_from_table
 from p2gd_fgo.datasets.integrity import increasing_order
@@ -64,7 +64,7 @@ def open_tum(folder: Path, config: DatasetConfig, max_gap_s: float) -> TumSequen
 
 def _calibration(folder: Path, config: DatasetConfig) -> Calibration:
     if config.calibration is not None:
-        return load_calibration(Path(config.calibration).expanduser(), config.camera)
+        return named_calibration(config)
     found = find_calibration(folder, config.camera)
     if found is None:
         raise DataError(

@@ -8,12 +8,13 @@ import numpy as np
 
 from p2gd_fgo.config import Config, load_config, override
 from p2gd_fgo.datasets import open_sequence
+from p2gd_fgo.datasets.base import stamps_on_imu_clock
 from p2gd_fgo.errors import DataError
 from p2gd_fgo.evaluation.frame_measures import read_frames
 from p2gd_fgo.evaluation.segments import LENGTH_M, Segment, segments
 from p2gd_fgo.run_directory import CONFIG, FRAMES, read_status
 from p2gd_fgo.trajectory_files import read_tum
-from p2gd_fgo.types import NANOSECONDS, FloatArray, IntArray
+from p2gd_fgo.types import FloatArray, IntArray
 
 MASKS = "mav0/mask0/data"
 """Where a rendered recording has its masks."""
@@ -90,12 +91,11 @@ def moving_objects(
     """
     settings = {"dataset.masks": masks}
     sequence = open_sequence(override(config, settings).dataset, max_gap_s=config.imu.max_gap_s)
-    offset_s = config.dataset.time_offset_s
-    offset_s = sequence.calibration.time_offset_s if offset_s is None else offset_s
+    on_imu_clock = stamps_on_imu_clock(sequence, config.dataset.time_offset_s)
     stamps, shares = [], []
     for index in range(0, len(sequence.image_stamps_ns), every):
         mask = sequence.mask(index)
         if mask is not None:
-            stamps.append(int(sequence.image_stamps_ns[index]) + round(offset_s * NANOSECONDS))
+            stamps.append(int(on_imu_clock[index]))
             shares.append(float(np.mean(mask == 0)))
     return np.array(stamps, dtype=np.int64), np.array(shares)

@@ -15,6 +15,7 @@ from p2gd_fgo.priors.recorded import RecordedPriors, with_white_noise
 from p2gd_fgo.priors.resampling import at_stamps
 from p2gd_fgo.trajectory_files import read_tum
 from p2gd_fgo.types import NANOSECONDS, IntArray, PriorPoses, Trajectory, Truth
+from p2gd_fgo.user_paths import user_path
 
 _NOISE_STREAM = 2  # beside the streams that the same seed feeds elsewhere
 
@@ -95,7 +96,7 @@ def make_prior_source(
 def _file(config: PriorsConfig) -> Path:
     if config.file is None:
         raise ConfigError("priors.source is 'file', but priors.file is null: name a TUM trajectory")
-    return Path(config.file)
+    return user_path(config.file, "priors.file")
 
 
 def _check_overlap(path: Path, planned: Trajectory, image_stamps_ns: IntArray | None) -> None:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from p2gd_fgo.datasets import open_sequence
+from p2gd_fgo.datasets.base import stamps_on_imu_clock
 from p2gd_fgo.errors import ConfigError, DataError, P2gdError
 from p2gd_fgo.evaluation.external import external_path, external_record
 from p2gd_fgo.run_record import RunRecord
@@ -16,7 +17,6 @@ from p2gd_fgo.study.data import provide
 from p2gd_fgo.study.keys import code_hash, data_hash, versions
 from p2gd_fgo.study.runs import Run
 from p2gd_fgo.study.spec import StudySpec
-from p2gd_fgo.types import NANOSECONDS
 
 _KEY_DIGITS = 16
 
@@ -115,12 +115,12 @@ def judge(external: External) -> RunRecord:
         recording = provide(run.source)
         dataset = run.config.dataset.model_copy(update={"path": str(recording)})
         sequence = open_sequence(dataset, max_gap_s=run.config.imu.max_gap_s)
-        truth, offset_s = sequence.truth, sequence.calibration.time_offset_s
+        truth = sequence.truth
         if truth is None:
             raise DataError(f"{recording}: has no truth to judge {external.file} by")
         record = external_record(
             external.name, external.file, truth.trajectory, sequence=run.sequence,
-            image_stamps_ns=sequence.image_stamps_ns + round(offset_s * NANOSECONDS),
+            image_stamps_ns=stamps_on_imu_clock(sequence, dataset.time_offset_s),
             config=run.config.evaluation, study=run.study,
             axes={external.axis: external.name}, route=run.route, group=run.group,
         )  # fmt: skip

@@ -16,6 +16,7 @@ from p2gd_fgo.errors import DataError
 from p2gd_fgo.simulation.presets import scenario_hash
 from p2gd_fgo.simulation.recorder import WORLD_VERSION
 from p2gd_fgo.study.runs import Recorded, Rendered
+from p2gd_fgo.user_paths import user_path
 
 ESTIMATE_ROOMS = (
     *(
@@ -64,9 +65,8 @@ def run_key(config: Config, data: str, folder: Path | None = None) -> str:
     """
     chosen = config.model_dump(mode="json", exclude_defaults=True, exclude={"name": True})
     dataset = {k: v for k, v in chosen.pop("dataset", {}).items() if k != "path"}
-    named: list[object] = [
-        _content(name) for name in (config.priors.file, config.dataset.mask) if name
-    ]
+    files = {"priors.file": config.priors.file, "dataset.mask": config.dataset.mask}
+    named: list[object] = [_content(name, field) for field, name in files.items() if name]
     named += [_listing(path) for path in _folders_beside(config, folder)]
     return _hash([chosen, dataset, data, *named])[:_KEY_DIGITS]
 
@@ -115,9 +115,9 @@ def versions() -> dict[str, str]:
     return found
 
 
-def _content(name: str) -> str:
+def _content(name: str, field: str) -> str:
     try:
-        return hashlib.sha256(Path(name).expanduser().read_bytes()).hexdigest()
+        return hashlib.sha256(user_path(name, field).read_bytes()).hexdigest()
     except OSError as error:
         raise DataError(f"{name}: can't be read: {error.strerror}") from None
 
@@ -125,9 +125,9 @@ def _content(name: str) -> str:
 def _folders_beside(config: Config, recording: Path | None) -> Iterator[Path]:
     """What a configuration names and the recording's own hash doesn't hold."""
     if config.dataset.calibration:
-        yield Path(config.dataset.calibration).expanduser()
+        yield user_path(config.dataset.calibration, "dataset.calibration")
     if config.dataset.masks:
-        masks = (recording or Path()) / Path(config.dataset.masks).expanduser()
+        masks = (recording or Path()) / user_path(config.dataset.masks, "dataset.masks")
         inside = recording is not None and masks.resolve().is_relative_to(recording.resolve())
         if masks.is_absolute() and not inside:
             yield masks

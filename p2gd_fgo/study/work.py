@@ -16,6 +16,7 @@ import numpy as np
 from p2gd_fgo.atomic_files import write_text
 from p2gd_fgo.config import Config, override
 from p2gd_fgo.datasets import Sequence, open_sequence
+from p2gd_fgo.datasets.base import stamps_on_imu_clock
 from p2gd_fgo.errors import DataError, P2gdError
 from p2gd_fgo.evaluation.run_segments import MASKS, moving_objects, run_segments
 from p2gd_fgo.experiment import run_experiment
@@ -26,7 +27,7 @@ from p2gd_fgo.study.data import provide
 from p2gd_fgo.study.keys import code_hash, versions
 from p2gd_fgo.study.runs import Run
 from p2gd_fgo.trajectory_files import read_tum, write_tum
-from p2gd_fgo.types import NANOSECONDS, Estimate, Image, Trajectory, Waiting
+from p2gd_fgo.types import Estimate, Image, Trajectory, Waiting
 
 Keep = Literal["small", "all", "none"]
 """What stays of a run's directory: the files in ``SMALL``, everything, or nothing."""
@@ -136,10 +137,8 @@ def _thin(folder: Path, keep: Keep, config: Config) -> None:
     truth = folder / "truth.tum"
     if truth.is_file():
         sequence = open_sequence(config.dataset, max_gap_s=config.imu.max_gap_s)
-        offset_s = config.dataset.time_offset_s
-        offset_s = sequence.calibration.time_offset_s if offset_s is None else offset_s
         known = read_tum(truth)
-        stamps = sequence.image_stamps_ns + round(offset_s * NANOSECONDS)
+        stamps = stamps_on_imu_clock(sequence, config.dataset.time_offset_s)
         after = np.searchsorted(known.stamps_ns, stamps)
         rows = np.unique(np.clip([after - 1, after], 0, len(known) - 1))
         write_tum(truth, Trajectory(known.stamps_ns[rows], known.T_world_imu[rows]))

@@ -34,6 +34,9 @@ def test_healthy_recording_and_its_picture(
     assert code == 0, out + err
     assert "fit to run" in out and "not fit" not in out
     assert picture.read_bytes().startswith(b"\x89PNG")
+    (tmp_path / "folder.png").mkdir()
+    code, _, err = call(monkeypatch, capsys, short_demo, "--picture", tmp_path / "folder.png")
+    assert code == 2 and "--picture" in err and "can't be written" in err
 
 
 def test_broken_recording_without_truth(

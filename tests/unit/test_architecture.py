@@ -16,6 +16,7 @@ ROOT = Path(p2gd_fgo.__file__).parent
 ROOMS = [
     *(
         "errors",
+        "user_paths",
         "threads",
         "types",
         "timing",

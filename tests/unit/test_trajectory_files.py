@@ -101,6 +101,7 @@ def test_kaist_poses_are_recognised_and_begin_at_zero(tmp_path: Path) -> None:
         (f"{GOOD}\n2.5 1 2 x 0 0 0 1\n", "line 2: .*'x'"),
         (f"{GOOD}\nsoon 1 2 3 0 0 0 1\n", "line 2: .*'soon' is no time"),
         (f"{GOOD}\nnan 1 2 3 0 0 0 1\n", "line 2: .*'nan' is no time"),
+        (f"{GOOD}\n1e9999999 1 2 3 0 0 0 1\n", "line 2: .*'1e9999999' is no time"),
         (f"{GOOD}\n2.5 1 2 nan 0 0 0 1\n", "line 2: .*NaN"),
         (f"# c\n{GOOD}\n2.5 1 2 3 0 0 0 0\n", "line 3: the quaternion is zero"),
         (f"{GOOD}\n1.5 1 2 3 0 0 0 1\n", "line 2: .*doesn't come after"),

@@ -135,6 +135,10 @@ def test_extends_takes_names_only(tmp_path: Path, value: str) -> None:
         ("name: x\nname: y", "the key 'name' is given twice"),
         ("a: &x 1\nb: *x", "aliases"),
         ("a: !!python/object/apply:os.getcwd []", "not readable as YAML"),
+        ("runtime: {seed: !!bool maybe}", "not readable as YAML: a value that its tag doesn't fit"),
+        ('runtime: {seed: !!int ""}', "a value that its tag doesn't fit"),
+        ("name: !!timestamp x", "a value that its tag doesn't fit"),
+        ('dataset: {camera: ""}', "dataset.camera is ''"),
     ],
 )
 def test_refusals_are_one_sentence_with_file_and_field(
@@ -146,6 +150,11 @@ def test_refusals_are_one_sentence_with_file_and_field(
     assert message in str(caught.value)
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_base_that_can_be_no_path_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="not readable as YAML: embedded null byte"):
+        load_config(written(tmp_path / "run.yaml", 'extends: "a\\0b"'))
 
 
 def test_files_that_cannot_be_text(tmp_path: Path) -> None:

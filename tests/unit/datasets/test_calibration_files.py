@@ -115,6 +115,39 @@ def test_nothing_or_too_much(tmp_path: Path) -> None:
         load_calibration(tmp_path, "cam0")
 
 
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"Tw": (1.2 * np.eye(3)).tolist()}, "imu0: Tw is .* and only the identity is known"),
+        ({"Tg": np.full((3, 3), 0.1).tolist()}, "imu0: Tg is .* and only 0 is known"),
+        ({"R_IMUtoGYRO": np.eye(3)[[1, 0, 2]].tolist()}, "imu0: R_IMUtoGYRO is"),
+        ({"gyroscopes": {"M": np.diag([1.1, 1, 1]).tolist()}}, "imu0: gyroscopes: M is"),
+        ({"accelerometers": {"M": "[1, 2]"}}, "M is"),
+        ({"time_offset": 0.05}, "imu0: time_offset is 0.05, but the clock here is this IMU's"),
+    ],
+)
+def test_what_no_back_end_models_is_refused(
+    tmp_path: Path, changes: dict[str, Any], message: str
+) -> None:
+    write_chain(tmp_path)
+    path = tmp_path / "kalibr_imu_chain.yaml"
+    nominal: dict[str, Any] = {key: np.eye(3).tolist() for key in ("Tw", "Ta", "R_IMUtoGYRO")}
+    nominal |= {"Tg": np.zeros((3, 3)).tolist(), "time_offset": 0.0}
+    path.write_text(yaml.safe_dump({"imu0": NOISE | nominal}))
+    assert load_calibration(tmp_path, "cam0").imu_noise is not None
+    path.write_text(yaml.safe_dump({"imu0": NOISE | nominal | changes}))
+    with pytest.raises(DataError, match=message):
+        load_calibration(tmp_path, "cam0")
+
+
+def test_the_noise_of_an_asl_recording_stays_with_another_chain(tmp_path: Path) -> None:
+    folder = AslFolder(tmp_path / "lap").write()
+    chain_alone = write_chain(tmp_path / "chain") / "kalibr_imucam_chain.yaml"
+    found = folder.open(calibration=str(chain_alone)).calibration
+    assert found.time_offset_s == 0.003  # the chain's
+    assert found.imu_noise == folder.open().calibration.imu_noise is not None
+
+
 BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
     f"{b}: &{b} [{', '.join(['*' + a] * 9)}]\n" for a, b in zip("abcdefgh", "bcdefghi", strict=True)
 )

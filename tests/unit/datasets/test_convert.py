@@ -144,12 +144,48 @@ def test_what_is_there_is_kept_unless_told(tmp_path: Path, made: Content) -> Non
     convert_to_asl(sequence, out)  # empty: welcome
     with pytest.raises(DataError, match="exists already: give a new folder, or --overwrite"):
         convert_to_asl(sequence, out)
-    (out / "mav0" / "old").touch()
+    (out / "mav0" / "cam0" / "old").touch()
     convert_to_asl(sequence, out, overwrite=True)
-    assert not (out / "mav0" / "old").exists()
-    with pytest.raises(DataError, match="is no ASL folder, so --overwrite leaves it"):
+    assert not (out / "mav0" / "cam0" / "old").exists()
+    with pytest.raises(DataError, match=r"holds groundtruth\.txt, which no conversion writes"):
         convert_to_asl(sequence, tmp_path / "desk", overwrite=True)
     assert (tmp_path / "desk" / "imu.txt").exists()
+    (out / "mav0" / "cam1").mkdir()  # of a recording with two cameras
+    with pytest.raises(DataError, match="holds mav0/cam1, which no conversion writes"):
+        convert_to_asl(sequence, out, overwrite=True)
+
+
+def test_the_recording_itself_is_never_replaced(tmp_path: Path, made: Content) -> None:
+    assert run(write_tum_folder(tmp_path / "desk", made), tmp_path / "a" / "out")[0] == 0
+    for place in (tmp_path / "a" / "out", tmp_path / "a"):
+        code, said = run(tmp_path / "a" / "out", place, "--overwrite")
+        assert code == 2 and "the recording itself lies there" in said
+    code, said = run(tmp_path / "desk", tmp_path / "b", "--set", "dataset.mask=m.png")
+    assert code == 2 and said.startswith("dataset.mask: an ASL folder holds no mask")
+
+
+def test_into_the_working_directory_and_names_that_look_like_markup(
+    tmp_path: Path, made: Content, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    desk = write_tum_folder(tmp_path / "desk", made)
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    assert run(desk, ".")[0] == 0
+    assert (tmp_path / "here" / "mav0" / "cam0" / "data.csv").is_file()
+    code, said = run(desk, tmp_path / "out[v1]")
+    assert code == 0 and "out[v1]: 6 images" in said
+
+
+def test_a_bad_mask_leaves_its_image_out(tmp_path: Path) -> None:
+    folder = AslFolder(tmp_path / "lap").write()
+    masks = folder.mav0 / "mask0" / "data"
+    for k in range(6):
+        write_image(masks / folder.image(k).name, np.full((48, 64), 255, np.uint8))
+    (masks / folder.image(2).name).write_bytes(b"no picture")
+    done = convert_to_asl(folder.open(masks="mav0/mask0/data"), tmp_path / "out")
+    assert (done.images, done.masks) == (5, 5)
+    for sensor in ("cam0", "mask0"):
+        assert len(list((tmp_path / "out" / "mav0" / sensor / "data").iterdir())) == 5
 
 
 def run(*arguments: object) -> tuple[int, str]:

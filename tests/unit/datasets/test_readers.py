@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tracemalloc
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +35,9 @@ from written_recordings import (
 
 from p2gd_fgo.config.models import DatasetConfig
 from p2gd_fgo.datasets import Sequence, open_sequence
-from p2gd_fgo.errors import DataError
+from p2gd_fgo.datasets.base import KeepsEncodedImages
+from p2gd_fgo.datasets.kitti_raw import KittiRawSequence
+from p2gd_fgo.errors import DataError, ImageError
 from p2gd_fgo.evaluation.association import common_poses
 from p2gd_fgo.geometry import so3
 from p2gd_fgo.geometry.camera import RadTanCamera
@@ -367,6 +370,23 @@ def test_jpeg_and_bayer_in_a_bag(tmp_path: Path, made: Content) -> None:
     path = write_bag(tmp_path / "bayer", raw, kind="sqlite3", images="bayer_rggb8")
     image = opened(path, calibration=calibration).image(0)
     assert abs(int(image[20, 20]) - 124) <= 1
+    packed = {
+        "bayer_rggb8; png compressed ": True,  # as image_transport packs a mosaic
+        "rgb8; png compressed bgr8": False,
+        "mono8; jpeg compressed ": False,
+        "png": False,
+    }
+    for k, (form, is_mosaic) in enumerate(packed.items()):
+        written = raw if is_mosaic else smooth
+        path = write_bag(tmp_path / f"packed{k}.bag", written, kind="ros1", images=form)
+        sequence = opened(path, calibration=calibration)
+        expected = image if is_mosaic else smooth.images[0]
+        assert np.abs(sequence.image(0).astype(int) - expected).max() <= 3
+        assert isinstance(sequence, KeepsEncodedImages)
+        assert (sequence.encoded_image(0) is None) == is_mosaic
+    path = write_bag(tmp_path / "wide", raw, kind="mcap", images="bayer_rggb16; png compressed ")
+    with pytest.raises(DataError, match="known are 8-bit Bayer mosaics"):
+        opened(path, calibration=calibration)
     path = write_bag(tmp_path / "yuv", raw, kind="sqlite3", images="yuv422")
     with pytest.raises(DataError, match="the encoding is 'yuv422', known are mono8"):
         opened(path, calibration=calibration)
@@ -468,3 +488,39 @@ def test_settings_of_another_format_are_refused(tmp_path: Path, made: Content) -
     drive = write_kitti_folder(tmp_path / "day" / "drive", made)
     with pytest.raises(DataError, match=r"dataset\.camera is 'cam7', but KITTI raw has cam0, cam1"):
         opened(drive, camera="cam7", format="kitti_raw")
+
+
+def test_a_damaged_first_image_is_survived(tmp_path: Path, made: Content) -> None:
+    calibration = str(write_chain(tmp_path / "calibration"))
+    broken = [np.zeros((0, 0), np.uint8), *made.images[1:]]
+    bag = write_bag(tmp_path / "run.bag", replace(made, images=broken), kind="ros1", images="png")
+    drive = write_kitti_folder(tmp_path / "day" / "drive", made)
+    (drive / "image_00" / "data" / "0000000000.png").write_bytes(b"no picture")
+    for sequence in (opened(bag, calibration=calibration), opened(drive)):
+        with pytest.raises(ImageError):
+            sequence.image(0)
+        np.testing.assert_array_equal(sequence.image(1), made.images[1])
+
+
+@pytest.mark.parametrize("camera", ["image_00", "cam0"])
+def test_kitti_is_told_from_asl_by_any_name_of_a_camera(
+    tmp_path: Path, made: Content, camera: str
+) -> None:
+    sequence = opened(write_kitti_folder(tmp_path / "day" / "drive", made), camera=camera)
+    assert isinstance(sequence, KittiRawSequence)
+
+
+def test_names_of_kaist_images_that_are_no_stamps(tmp_path: Path, made: Content) -> None:
+    folder = write_kaist_folder(tmp_path / "urban", made)
+    (folder / "sensor_data" / "stereo_stamp.csv").unlink()
+    write_image(folder / "image" / "stereo_left" / f"{'9' * 23}.png", made.images[0])
+    with pytest.raises(DataError, match="doesn't fit into 64 bits"):
+        opened(folder)
+
+
+def test_kaist_has_as_many_coefficients_as_its_lens(tmp_path: Path, made: Content) -> None:
+    folder = write_kaist_folder(tmp_path / "urban", made)
+    left = folder / "calibration" / "left.yaml"
+    left.write_text(left.read_text().replace("plumb_bob", "equidistant"))
+    with pytest.raises(DataError, match="distortion_coefficients holds 5 numbers, needed are 4"):
+        opened(folder)
