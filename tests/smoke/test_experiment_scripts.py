@@ -4,14 +4,24 @@ from __future__ import annotations
 
 import runpy
 import sys
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from run_records import records
+
+from p2gd_fgo.evaluation.measures import measure
 
 SCRIPTS = Path(__file__).parents[2] / "experiments"
 
 
-@pytest.mark.parametrize("script", sorted(SCRIPTS.glob("*/run.py")), ids=lambda p: p.parent.name)
+STANDING = SCRIPTS / "weights_and_policies" / "standing.py"
+
+
+@pytest.mark.parametrize(
+    "script", [*sorted(SCRIPTS.glob("*/run.py")), STANDING], ids=lambda p: p.parent.name
+)
 def test_every_script_is_run_by_the_one_that_refuses(script: Path) -> None:
     assert script.read_text().endswith('if __name__ == "__main__":\n    run_refusing(main)\n')
 
@@ -32,3 +42,18 @@ def test_a_folder_that_is_missing_and_a_setting_without_value(
         error = capsys.readouterr().err
         assert ended.value.code == 2, error
         assert says in error and len(error.strip().splitlines()) == 1, error
+
+
+def test_rows_stand_against_their_mean() -> None:
+    """A row of e times another's error is half of it above the mean, on routes of any difficulty."""
+    made = [
+        replace(r, axes={"policy": r.axes["distribution"], "backend": "msckf"})
+        for r in records(groups=["car"], routes=5, seeds=2, backends=["msckf"], noise=0.01, effects={
+            "grid": np.e, "p2gd": 1.0
+        })
+    ]  # fmt: skip
+    found = runpy.run_path(str(STANDING))["standing"](made[:-1], measure("ate"))
+    assert list(found) == ["grid", "p2gd"]
+    (above, half, routes), (below, same, _) = found["grid"], found["p2gd"]
+    assert above == -below == pytest.approx(0.5, abs=0.01) and 0.0 < half == same < 0.02
+    assert routes == 5  # the seed that one row lacks is left out, its route stays
