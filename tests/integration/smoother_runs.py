@@ -62,4 +62,5 @@ def run(
 
 def fates(counts: dict[str, int]) -> int:
     """Observations that something became of."""
-    return sum(n for name, n in counts.items() if name not in ("observations", "iterations"))
+    others = ("observations", "iterations", "gate_opened")
+    return sum(n for name, n in counts.items() if name not in others)

@@ -12,6 +12,8 @@ from smoother_runs import fates, record, run, smoother
 from p2gd_fgo.backends.smoother import Smoother
 from p2gd_fgo.backends.smoother.tracks import Track
 from p2gd_fgo.errors import EstimatorError
+from p2gd_fgo.evaluation import feature_runs
+from p2gd_fgo.simulation.feature_recording import ROBOT_PLATFORM, record_features
 from p2gd_fgo.types import ImuBatch
 
 
@@ -43,6 +45,20 @@ def test_slowing_down_without_a_detector_of_standstill_does_not_diverge(name: st
     recording = record(name, 0, 14.0, stops_s=((9.0, 14.0),))
     result = run(smoother(recording), recording, 0)
     assert result.position_error[-1] < 1.0
+
+
+def test_an_uncertain_start_does_not_lock_vision_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All tracks fail a gate that doesn't know how uncertain the speed is, and all are right."""
+    sigmas = np.repeat([0.01, 0.25, 0.01, 0.1], 3)  # m, m/s, rad/s, m/s²
+    sigmas = np.concatenate([np.radians([0.2, 0.2, 0.1]), sigmas])
+    monkeypatch.setattr(feature_runs, "START_COVARIANCE", np.diag(sigmas**2))
+    quiet = replace(ROBOT_PLATFORM, features=replace(ROBOT_PLATFORM.features, pixel_noise_px=0.3))
+    recording = record_features(quiet, 5.0, np.random.default_rng(0))
+    backend = smoother(recording, pixel_noise_px=0.3)
+    result = run(backend, recording, 0)
+    assert backend.counts["gate_opened"] in (1, 2)
+    assert result.position_rmse < 1.0  # locked out it is 2.9 m
+    assert fates(backend.counts) == backend.counts["observations"]
 
 
 def test_every_observation_has_one_fate() -> None:

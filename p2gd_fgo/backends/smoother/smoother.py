@@ -136,9 +136,13 @@ class Smoother:
 
     @property
     def counts(self) -> dict[str, int]:
-        """Observations by fate: all of them add up to ``observations``."""
+        """Observations by fate: all of them add up to ``observations``.
+
+        Beside them ``iterations``, and ``gate_opened`` where that was.
+        """
         live = {"in_window": self._tracks.live_observations()}
-        return dict(self._counts + self._tracks.counts) | live
+        opened = Counter(gate_opened=self._tracks.gate_opened)
+        return dict(self._counts + self._tracks.counts + opened) | live
 
     def _append_state(
         self, imu: ImuBatch, unknown: UnknownMotion | None, predicted: NavState

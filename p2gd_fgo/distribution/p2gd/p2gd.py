@@ -64,19 +64,20 @@ class P2gd:
             return Decision(CellQuotas(even))
         scene, camera, T_imu_cam = self._scene, context.camera, context.T_imu_cam
         kept = scene.update(context.buffer, context.recent, T_imu_cam, camera)
-        if not isinstance(context.priors, PriorPoses):
-            return Decision(CellQuotas(even), problem=context.priors)
-        if len(context.priors.stamps_ns) == 0:  # the recording's last image: nothing to prepare for
-            return Decision(CellQuotas(even))
-
-        T_world_imu0, T_imu0_imu = context.recent.T_world_imu[-1], context.priors.T_imu0_imu
-        cameras = predicted_cameras(T_world_imu0, T_imu0_imu, T_imu_cam)
+        priors, T_imu0_imu = context.priors, np.zeros((0, 4, 4))
+        if isinstance(priors, PriorPoses):
+            T_imu0_imu, problem = priors.T_imu0_imu, None
+        else:
+            problem = priors
+        cameras = predicted_cameras(context.recent.T_world_imu[-1], T_imu0_imu, T_imu_cam)
         tracks = predict_tracks(scene.points, cameras, camera)
         here = tracks.visible[:, 0]
         if context.allowed is not None:
             here = here & pixel_values(context.allowed, np.nan_to_num(tracks.pixels[:, 0]))
         points, tracks, kept = scene.points[here], tracks.part(here), kept[here]
         scene.keep(here)
+        if len(T_imu0_imu) == 0:  # no usable priors, or the recording's last image
+            return Decision(CellQuotas(even), problem=problem)
 
         values = self._worth(points, tracks)
         weights, quotas = self._allocated(context, even, points, tracks, values)

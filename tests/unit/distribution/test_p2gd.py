@@ -274,5 +274,18 @@ def test_points_that_the_first_predicted_camera_does_not_see_are_forgotten() -> 
     assert not explained.kept.any()
 
 
+def test_points_out_of_view_are_forgotten_without_priors_too() -> None:
+    distribution = make_distribution(DistributionConfig(kind="p2gd"), GRID, FEATURES, SENSORS)
+    context = _context(past=HISTORY - 1, speed=0.1)
+    distribution.decide(context)
+    context.buffer.keep(np.zeros(len(context.buffer), np.bool_))  # consumed: the scene has them
+    recent = context.recent
+    turn = from_rotation_translation(so3.exp(np.array([0.0, 0.0, np.pi])), np.zeros(3))
+    back = Trajectory(recent.stamps_ns, recent.T_world_imu @ turn)
+    distribution.decide(replace(context, recent=back, priors=None))
+    explained = distribution.decide(context).explanation
+    assert explained is not None and len(explained.points) == 0
+
+
 def test_the_same_context_gives_the_same_quotas() -> None:
     np.testing.assert_array_equal(_quotas(_decide(_context())), _quotas(_decide(_context())))
