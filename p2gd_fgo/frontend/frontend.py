@@ -95,7 +95,7 @@ class Frontend:
             border_px=config.klt_window_px // 2 + 1,
             subpixel=config.subpixel,
         )
-        self._always = self._opened(mask, "dataset.mask")
+        self._always = _both(self._opened(mask, "dataset.mask"), _seen_by_lens(camera))
         self.allowed = self._always
         self._always_capacity = self.grid.capacities(self._min_distance_px, self._always)
         self.capacity = self._always_capacity
@@ -245,7 +245,7 @@ class Frontend:
         if opened is None:
             self.allowed, self.capacity = self._always, self._always_capacity
             return
-        self.allowed = opened if self._always is None else opened & self._always
+        self.allowed = _both(opened, self._always)
         self.capacity = self.grid.capacities(self._min_distance_px, self.allowed)
 
     def _predicted(self, R_cam_prev: FloatArray | None) -> FloatArray | None:
@@ -274,6 +274,29 @@ class Frontend:
     def _permitted(self, pixels: FloatArray) -> BoolArray:
         inside = self._camera.inside(pixels)
         return inside if self.allowed is None else inside & pixel_values(self.allowed, pixels)
+
+
+def _both(one: BoolArray | None, other: BoolArray | None) -> BoolArray | None:
+    """Where both allow features; None allows them everywhere."""
+    if one is None or other is None:
+        return other if one is None else one
+    return one & other
+
+
+def _seen_by_lens(camera: Camera) -> BoolArray | None:
+    """(height, width) pixels that a direction maps to; None where all are, as of most lenses.
+
+    In the corners of a fisheye there is none, or one beyond what the model covers: its bearing
+    would be another one's.
+    """
+    columns, rows = np.arange(camera.width), np.arange(camera.height)
+    border = [np.broadcast_arrays(columns, edge) for edge in (0, camera.height - 1)]
+    border += [np.broadcast_arrays(edge, rows) for edge in (0, camera.width - 1)]
+    edges = np.concatenate([np.column_stack(side) for side in border]).astype(np.float64)
+    if camera.invertible(edges).all():
+        return None
+    pixels = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2).astype(np.float64)
+    return camera.invertible(pixels).reshape(camera.height, camera.width)
 
 
 def _tracker(config: FrontendConfig, fast_threshold: int) -> Tracker:

@@ -8,6 +8,7 @@ from p2gd_fgo.config import FrontendConfig
 from p2gd_fgo.errors import ConfigError, DataError
 from p2gd_fgo.frontend import CellQuotas, Frontend, TrackSummary
 from p2gd_fgo.geometry import so3
+from p2gd_fgo.geometry.camera import EquidistantCamera
 from p2gd_fgo.types import Image, Observations
 
 QUOTAS = CellQuotas(np.full((3, 4), 5, np.int64))
@@ -255,3 +256,23 @@ def test_a_mask_of_another_size_leaves_the_front_end_as_it_was() -> None:
         frontend.track(1, texture(2), None, np.zeros((10, 10), np.uint8))
     np.testing.assert_array_equal(frontend.observations().pixels, before.pixels)
     assert frontend.observations().stamp_ns == 0
+
+
+def test_where_a_fisheye_has_no_inverse_there_are_no_features() -> None:
+    """The corners of TUM-VI's images: undistorted they would lie at 89°, wherever they are."""
+    lens = EquidistantCamera(256, 256, 95.5, 95.5, 127.5, 128.4, 0.0035, 0.0007, -0.002, 0.0002)
+    frontend = Frontend(lens, settings(), 0)
+    assert frontend.allowed is not None and 0.85 < frontend.allowed.mean() < 0.97
+    rng = np.random.default_rng(0)
+    image = rng.integers(0, 255, (256, 256)).astype(np.uint8)
+    frontend.track(0, image, None)
+    frontend.extract(CellQuotas(np.full((3, 4), 40, np.int64)))
+    found = frontend.observations()
+    assert len(found) > 50 and lens.invertible(found.pixels).all()
+    assert np.abs(np.arctan(np.linalg.norm(found.normalized, axis=1))).max() < lens.max_angle
+    mask = np.full((256, 256), 255, np.uint8)
+    mask[:, :128] = 0
+    half = Frontend(lens, settings(), 0, mask)
+    assert half.allowed is not None
+    np.testing.assert_array_equal(half.allowed, frontend.allowed & (mask != 0))
+    assert _frontend().allowed is None
