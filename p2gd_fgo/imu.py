@@ -134,6 +134,13 @@ def has_hole(imu: ImuBatch, part: ImuBatch, max_gap_s: float) -> bool:
     return bool((_measured_step_s(imu, part) > max_gap_s).any())
 
 
+def whole_since(imu: ImuBatch, stamp_ns: int, max_gap_s: float) -> int:
+    """From when on the samples reach to ``stamp_ns`` without a hole: its end, or the first one."""
+    before = imu.stamps_ns[: int(np.searchsorted(imu.stamps_ns, stamp_ns)) + 1]
+    holes = np.flatnonzero(np.diff(before) > max_gap_s * NANOSECONDS)
+    return int(before[holes[-1] + 1] if len(holes) else before[0])
+
+
 def _measured_step_s(imu: ImuBatch, part: ImuBatch) -> FloatArray:
     """Time (N − 1,) between the measured samples around each step of a part."""
     step = np.searchsorted(imu.stamps_ns, part.stamps_ns[:-1], side="right") - 1

@@ -50,7 +50,9 @@ def make_initializer(
     static = StaticStart(c.static, config.stationary, gravity)
     if c.kind == "static":
         return static
-    dynamic = DynamicStart(c.dynamic, calibration, noise, gravity, config.backend.pixel_noise_px)
+    dynamic = DynamicStart(
+        c.dynamic, calibration, noise, gravity, config.backend.pixel_noise_px, config.imu.max_gap_s
+    )
     return dynamic if c.kind == "dynamic" else AutoStart(static, dynamic)
 
 

@@ -8,6 +8,7 @@ from p2gd_fgo.config import DynamicStartConfig
 from p2gd_fgo.datasets.base import Calibration, ImuNoise
 from p2gd_fgo.errors import InitializationError
 from p2gd_fgo.frontend import FeatureBuffer
+from p2gd_fgo.imu import whole_since
 from p2gd_fgo.initialization.base import Start
 from p2gd_fgo.initialization.sightings import SightingStore
 from p2gd_fgo.initialization.window import WindowMotion, WindowSolver
@@ -21,6 +22,7 @@ class DynamicStart:
     """Tries every ``every_s``, over a window that grows to ``max_window_s`` and then slides.
 
     A try begins at the last one's motion if that made sense, and otherwise at the linear solution.
+    What was seen before a hole in the IMU, longer than ``max_gap_s``, is in no window.
     """
 
     def __init__(
@@ -30,8 +32,10 @@ class DynamicStart:
         noise: ImuNoise,
         gravity: float,
         pixel_noise_px: float,
+        max_gap_s: float = 0.1,
     ) -> None:
         self._config = config
+        self._max_gap_s = max_gap_s
         self._solver = WindowSolver(calibration, noise, gravity, pixel_noise_px, config)
         self._store = SightingStore(config.max_window_s)
         self._first_ns: int | None = None
@@ -47,11 +51,14 @@ class DynamicStart:
             self._first_ns = stamp_ns
         self._last_ns = stamp_ns
         self._store.add(stamp_ns, buffer)
-        self._store.drop_before(int(imu.stamps_ns[0]))
+        self._store.drop_before(whole_since(imu, stamp_ns, self._max_gap_s))
         waiting = Waiting(stamp_ns, "waiting for motion that shows velocity and scale")
-        span_ns = stamp_ns - self._store.oldest_ns
+        enough = (
+            len(self._store) >= _LEAST_IMAGES
+            and stamp_ns - self._store.oldest_ns >= c.min_window_s * NANOSECONDS
+        )
         rested = self._tried_ns is None or stamp_ns - self._tried_ns >= c.every_s * NANOSECONDS
-        if rested and span_ns >= c.min_window_s * NANOSECONDS and len(self._store) >= _LEAST_IMAGES:
+        if rested and enough:
             self._tried_ns = stamp_ns
             start = self._try(imu)
             if start is not None:

@@ -12,6 +12,7 @@ from start_windows import buffer_of, drive, error_of, true_states, window
 from p2gd_fgo.config import Config, DynamicStartConfig, load_config, override
 from p2gd_fgo.datasets.base import ImuNoise
 from p2gd_fgo.errors import ConfigError, DataError, InitializationError
+from p2gd_fgo.imu import whole_since
 from p2gd_fgo.initialization import (
     AutoStart,
     DynamicStart,
@@ -27,7 +28,7 @@ from p2gd_fgo.initialization.linear import solve_linear
 from p2gd_fgo.initialization.preintegration import intervals, preintegrate
 from p2gd_fgo.initialization.window import WindowMotion, WindowSolver
 from p2gd_fgo.simulation.feature_recording import FeatureRecording
-from p2gd_fgo.types import NavState, Trajectory, Truth, Waiting
+from p2gd_fgo.types import NANOSECONDS, ImuBatch, NavState, Trajectory, Truth, Waiting
 
 GRAVITY = 9.81
 
@@ -140,6 +141,27 @@ def test_it_starts_in_motion_and_reports_time_and_images() -> None:
     after = (k - 20) / 10
     assert start.note.startswith(f"dynamic, after {after:.1f} s: ")
     assert " images, " in start.note and " tracks, speed " in start.note
+
+
+def test_what_was_seen_before_a_hole_in_the_imu_is_in_no_window() -> None:
+    """Else the samples would be joined over the hole, and the start be as sure as without one."""
+    recording = drive(4, duration_s=12.0)
+    noise = recording.calibration.imu_noise
+    assert noise is not None
+    stamps = recording.imu.stamps_ns
+    begin, end = recording.image_stamps_ns[30] + 7, recording.image_stamps_ns[37] - 7
+    kept = (stamps <= begin) | (stamps >= end)
+    imu = ImuBatch(stamps[kept], recording.imu.gyro[kept], recording.imu.accel[kept])
+    initializer = DynamicStart(DynamicStartConfig(), recording.calibration, noise, GRAVITY, 1.0)
+    start = attempts(initializer, replace(recording, imu=imu), 20)
+    assert start is not None
+    k = int(np.searchsorted(recording.image_stamps_ns, start.state.stamp_ns))
+    least_s = DynamicStartConfig().min_window_s
+    assert start.state.stamp_ns - end >= least_s * NANOSECONDS
+    speed = float(np.linalg.norm(start.state.velocity))
+    assert abs(speed / np.linalg.norm(recording.velocity[k]) - 1.0) < 0.15
+    assert whole_since(imu, int(recording.image_stamps_ns[30]), 0.1) == stamps[0]
+    assert whole_since(imu, int(recording.image_stamps_ns[33]), 0.1) >= end
 
 
 def test_a_start_that_is_not_sure_enough_waits_and_the_refusal_says_by_how_much() -> None:
