@@ -49,10 +49,14 @@ def standing(records: Sequence[RunRecord], chosen: Measure) -> dict[str, tuple[f
 
 
 def percent(mean: float, half: float) -> str:
+    """The change with its interval, in bold where that excludes zero."""
     low, high = (100.0 * np.expm1(v) for v in (mean - half, mean + half))
     bold = "**" if low * high > 0.0 else ""
-    text = f"{100.0 * np.expm1(mean):+.0f} [{low:+.0f}, {high:+.0f}]"
-    return f"{bold}{text}{bold}".replace("-", "−")
+    whole, first, last = (
+        f"{round(v):+d}".replace("-", "−") if round(v) else "0"
+        for v in (100.0 * np.expm1(mean), low, high)
+    )
+    return f"{bold}{whole} [{first}, {last}]{bold}"
 
 
 def main() -> None:
