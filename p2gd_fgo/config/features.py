@@ -31,7 +31,7 @@ class FrontendConfig(Model):
         1.0, description="largest distance between a point and its way there and back"
     )
     ransac_px: Positive = Field(
-        2.0, description="RANSAC inlier distance, on undistorted points, times the focal length"
+        2.0, description="px; largest distance of a track from its epipolar line"
     )
     equalize: bool = Field(False, description="equalise the histogram of every image")
     subpixel: bool = Field(True, description="refine new corners below the pixel")

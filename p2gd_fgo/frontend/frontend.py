@@ -77,7 +77,6 @@ class Frontend:
         self._camera = camera
         self._config = config
         self._max_features = _resolved(config.max_features, "max_features")
-        self._focal_px = float(np.sqrt(camera.fx * camera.fy))
         self._rng = np.random.default_rng(seed)
         self._image: Image | None = None
         self._stamp_ns = -1
@@ -163,7 +162,7 @@ class Frontend:
             buffer.normalized[inside],
             normalized,
             R_cam_prev,
-            self._focal_px,
+            self._camera,
             self._config.ransac_px,
             self._rng,
         )

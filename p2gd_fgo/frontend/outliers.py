@@ -4,16 +4,21 @@ With the rotation known from the gyro, two points give the direction of the tran
 the epipolar constraint t · (R x₁ × x₂) = 0 is linear in it: few hypotheses are needed, points that
 don't move (standing still, pure rotation) fit any t, and the sign of t tells points that move the
 wrong way along their epipolar line. Without a rotation a fundamental matrix has to do.
+
+Constraints hold on the plane z = 1, distances are counted in pixels of the image, to first order in
+them: far from the axis of a wide lens a pixel covers several times as much of that plane.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from p2gd_fgo.geometry.camera import Camera
 from p2gd_fgo.types import BoolArray, FloatArray, IntArray
 
 MIN_POINTS = 8
@@ -31,7 +36,7 @@ def motion_inliers(
     previous: FloatArray,
     current: FloatArray,
     R_cam_prev: FloatArray | None,
-    focal_px: float,
+    camera: Camera,
     threshold_px: float,
     rng: np.random.Generator,
 ) -> BoolArray:
@@ -43,8 +48,8 @@ def motion_inliers(
         (N, 2) undistorted points on the plane z = 1 of two images.
     R_cam_prev
         (3, 3) takes vectors of the previous camera frame to the current one; None if unknown.
-    focal_px
-        Scale from the plane to pixels.
+    camera
+        That took both.
     threshold_px
         Largest distance from the epipolar line.
     rng
@@ -54,10 +59,11 @@ def motion_inliers(
         return np.ones(len(previous), np.bool_)
     order = rng.permutation(len(previous))
     a, b = previous[order], current[order]
+    focal_px = float(np.sqrt(camera.fx * camera.fy))
     if R_cam_prev is None:
         good = fundamental_inliers(a, b, focal_px, threshold_px)
     else:
-        good = two_point_inliers(a, b, R_cam_prev, threshold_px / focal_px, rng)
+        good = two_point_inliers(a, b, R_cam_prev, camera.distort_jacobian(b), threshold_px, rng)
         if good.mean() < _DOUBTFUL_SHARE:
             other = fundamental_inliers(a, b, focal_px, threshold_px)
             good = other if other.sum() > good.sum() else good
@@ -69,7 +75,10 @@ def motion_inliers(
 def fundamental_inliers(
     previous: FloatArray, current: FloatArray, focal_px: float, threshold_px: float
 ) -> BoolArray:
-    """Inliers (N,) of a fundamental matrix, and every point that hardly moved."""
+    """Inliers (N,) of a fundamental matrix, and every point that hardly moved.
+
+    Its distances are those of an image without distortion, of this focal length.
+    """
     still = np.linalg.norm(current - previous, axis=1) * focal_px < threshold_px
     mask: NDArray[Any] | None = cv2.findFundamentalMat(
         previous * focal_px,
@@ -87,74 +96,93 @@ def two_point_inliers(
     previous: FloatArray,
     current: FloatArray,
     R_cam_prev: FloatArray,
-    threshold: float,
+    J: FloatArray,
+    threshold_px: float,
     rng: np.random.Generator,
 ) -> BoolArray:
-    """Inliers (N,) of the best translation, the rotation being known; threshold on z = 1."""
+    """Inliers (N,) of the best translation, the rotation being known.
+
+    J (N, 2, 2) is d pixel / d point on the plane z = 1 at the current points.
+    """
     ones = np.ones(len(previous))
     ray = np.column_stack([previous, ones]) @ R_cam_prev.T
     depth = np.where(np.abs(ray[:, 2]) < _TINY, _TINY, ray[:, 2])
     a = ray / depth[:, None]
     b = np.column_stack([current, ones])
-    still = np.asarray(np.linalg.norm(a - b, axis=1) < threshold)
+    step_px = np.einsum("nij,nj->ni", J, (b - a)[:, :2])
+    still = np.asarray(np.linalg.norm(step_px, axis=1) < threshold_px)
     moving = np.flatnonzero(~still)
     if len(moving) < _SUPPORT:
         return still
-    normals = np.cross(a, b)
-    t = _best_hypothesis(a, normals, moving, threshold, rng)
+    lines = _Lines(a, np.cross(a, b), np.asarray(np.linalg.inv(J)))
+    t = _best_hypothesis(lines, moving, threshold_px, rng)
     for _ in range(_REFINEMENTS):
-        t = _least_squares(a, normals, t, threshold)
-    fits = (_epipolar_distances(a, normals, t[None])[0] < threshold) & _moves_forward(
-        a, b, t, threshold
+        t = _least_squares(lines, t, threshold_px)
+    fits = (lines.distances_px(t[None])[0] < threshold_px) & _moves_forward(
+        a, t, J, step_px, threshold_px
     )
     if fits[moving].sum() < _SUPPORT:
         return still
     return np.asarray(still | fits)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Lines:
+    """Epipolar lines t x a of N points.
+
+    Attributes
+    ----------
+    a
+        (N, 3) previous points turned into the current frame, z = 1.
+    normals
+        (N, 3) a x b, b being the current points: t · normals vanishes on the line.
+    J_inverse
+        (N, 2, 2) d point / d pixel at b.
+    """
+
+    a: FloatArray
+    normals: FloatArray
+    J_inverse: FloatArray
+
+    def distances_px(self, t: FloatArray) -> FloatArray:
+        """Distances (H, N) of the current points to the lines of translations t (H, 3)."""
+        return np.asarray(np.abs(t @ self.normals.T) / self.scale(t))
+
+    def scale(self, t: FloatArray) -> FloatArray:
+        """How t · normals changes (H, N) with a pixel across the line."""
+        x = t[:, 1:2] - t[:, 2:3] * self.a[:, 1]
+        y = t[:, 2:3] * self.a[:, 0] - t[:, 0:1]
+        across = [x * self.J_inverse[:, 0, i] + y * self.J_inverse[:, 1, i] for i in (0, 1)]
+        return np.asarray(np.maximum(np.hypot(*across), _TINY))
+
+
 def _best_hypothesis(
-    a: FloatArray,
-    normals: FloatArray,
-    moving: IntArray,
-    threshold: float,
-    rng: np.random.Generator,
+    lines: _Lines, moving: IntArray, threshold_px: float, rng: np.random.Generator
 ) -> FloatArray:
     """Direction of translation (3,) with the smallest truncated squared distance."""
     first = rng.integers(0, len(moving), _HYPOTHESES)
     second = (first + rng.integers(1, len(moving), _HYPOTHESES)) % len(moving)
-    t = np.cross(normals[moving[first]], normals[moving[second]])
+    t = np.cross(lines.normals[moving[first]], lines.normals[moving[second]])
     t /= np.maximum(np.linalg.norm(t, axis=1), _TINY)[:, None]
-    squares = np.minimum(_epipolar_distances(a, normals, t) ** 2, threshold**2)
+    squares = np.minimum(lines.distances_px(t) ** 2, threshold_px**2)
     return np.asarray(t[np.argmin(squares.sum(axis=1))])
 
 
-def _epipolar_distances(a: FloatArray, normals: FloatArray, t: FloatArray) -> FloatArray:
-    """Distances (H, N) of the current points to the epipolar lines t x a, t (H, 3)."""
-    return np.asarray(np.abs(t @ normals.T) / _line_scale(a, t))
-
-
-def _line_scale(a: FloatArray, t: FloatArray) -> FloatArray:
-    """Norm (H, N) of the first two entries of t x a, a having z = 1."""
-    x = t[:, 1:2] - t[:, 2:3] * a[:, 1]
-    y = t[:, 2:3] * a[:, 0] - t[:, 0:1]
-    return np.asarray(np.maximum(np.sqrt(x * x + y * y), _TINY))
-
-
-def _least_squares(
-    a: FloatArray, normals: FloatArray, t: FloatArray, threshold: float
-) -> FloatArray:
+def _least_squares(lines: _Lines, t: FloatArray, threshold_px: float) -> FloatArray:
     """Fit the translation (3,) to the inliers of t."""
-    scale = _line_scale(a, t[None])[0]
-    inlier = np.abs(normals @ t) < threshold * scale
-    weighted = normals[inlier] / scale[inlier, None]
+    scale = lines.scale(t[None])[0]
+    inlier = np.abs(lines.normals @ t) < threshold_px * scale
+    weighted = lines.normals[inlier] / scale[inlier, None]
     _, vectors = np.linalg.eigh(weighted.T @ weighted)
     return np.asarray(vectors[:, 0])
 
 
-def _moves_forward(a: FloatArray, b: FloatArray, t: FloatArray, threshold: float) -> BoolArray:
+def _moves_forward(
+    a: FloatArray, t: FloatArray, J: FloatArray, step_px: FloatArray, threshold_px: float
+) -> BoolArray:
     """Whether points (N,) move along the line the way that most do (positive depth)."""
-    direction = t[:2] - t[2] * a[:, :2]
+    direction = np.einsum("nij,nj->ni", J, t[:2] - t[2] * a[:, :2])
     direction /= np.maximum(np.linalg.norm(direction, axis=1), _TINY)[:, None]
-    along = np.einsum("ni,ni->n", (b - a)[:, :2], direction)
-    sign = 1.0 if np.clip(along, -threshold, threshold).sum() >= 0.0 else -1.0
-    return np.asarray(sign * along > -threshold)
+    along = np.einsum("ni,ni->n", step_px, direction)
+    sign = 1.0 if np.clip(along, -threshold_px, threshold_px).sum() >= 0.0 else -1.0
+    return np.asarray(sign * along > -threshold_px)

@@ -110,8 +110,11 @@ def acceptable(
     max_condition: float,
     min_depth: float,
     max_depth: float,
-    max_residual: float,
+    max_residual: float | FloatArray,
 ) -> BoolArray:
-    """Which points (N,) to believe: enough views, well conditioned, in front, near, consistent."""
+    """Which points (N,) to believe: enough views, well conditioned, in front, near, consistent.
+
+    max_residual may be (N,), each point's own.
+    """
     good = (t.views >= min_views) & (t.condition < max_condition) & (t.residual < max_residual)
     return np.asarray(good & (t.depth > min_depth) & (t.distance < max_depth))

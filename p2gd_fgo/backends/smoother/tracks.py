@@ -15,6 +15,7 @@ import gtsam
 from gtsam.symbol_shorthand import X
 
 from p2gd_fgo.backends.gate import track_gate
+from p2gd_fgo.backends.smoother.lens import SmartFactor, measured_lens
 from p2gd_fgo.config import SmootherConfig
 from p2gd_fgo.geometry.camera import Camera
 from p2gd_fgo.types import FloatArray, Observations
@@ -39,7 +40,7 @@ _STATUS_NAMES = {
 class Track:
     """One landmark's sightings: the factor and the frame numbers in it."""
 
-    factor: gtsam.SmartProjectionPoseFactorCal3_S2
+    factor: SmartFactor
     frames: list[int] = field(default_factory=list)
 
 
@@ -53,15 +54,13 @@ class TrackFactors:
     gate_opened
         Times that the gate was.
 
-    Measurements are undistorted pixels (normalised coordinates through the pinhole part of the
-    camera): GTSAM's own distortion model has no third radial coefficient.
+    Residuals are pixels of the image, through its lens (:mod:`p2gd_fgo.backends.smoother.lens`).
     """
 
     def __init__(
         self, camera: Camera, T_imu_cam: FloatArray, pixel_noise_px: float, config: SmootherConfig
     ) -> None:
-        self._scale = (camera.fx, camera.fy)
-        self._K = gtsam.Cal3_S2(camera.fx, camera.fy, 0.0, 0.0, 0.0)
+        self._lens = measured_lens(camera)
         self._noise = gtsam.noiseModel.Isotropic.Sigma(2, pixel_noise_px)
         self._body_P_cam = gtsam.Pose3(T_imu_cam)
         params = gtsam.SmartProjectionParams(
@@ -83,16 +82,12 @@ class TrackFactors:
 
     def add(self, observations: Observations, frame: int) -> None:
         """Sightings of an image, frame being its number."""
-        measured = observations.normalized * self._scale
+        measured = self._lens.measurements(observations.normalized)
         key = X(frame)
         for track_id, z in zip(observations.ids.tolist(), measured, strict=True):
             track = self._tracks.get(track_id)
             if track is None:
-                track = Track(
-                    gtsam.SmartProjectionPoseFactorCal3_S2(
-                        self._noise, self._K, self._body_P_cam, self._params
-                    )
-                )
+                track = Track(self._lens.make_factor(self._noise, self._body_P_cam, self._params))
                 self._tracks[track_id] = track
                 self._starting_at.setdefault(frame, []).append(track_id)
             track.factor.add(z, key)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from p2gd_fgo.config import SceneConfig
@@ -76,13 +74,15 @@ class Scene:
         wanted[row[row >= 0]] = False
         new = np.flatnonzero(wanted)
         found = triangulate(buffer.normalized_history[new[:, None], columns], poses @ T_imu_cam)
+        # A pixel's side on the plane z = 1, there where the newest image has the feature.
+        pixel = 1.0 / np.sqrt(np.linalg.det(camera.distort_jacobian(buffer.normalized[new])))
         good = acceptable(
             found,
             min_views=config.min_views,
             max_condition=config.max_condition,
             min_depth=MIN_DEPTH,
             max_depth=config.max_depth,
-            max_residual=config.max_reprojection_px / math.sqrt(camera.fx * camera.fy),
+            max_residual=config.max_reprojection_px * pixel,
         )
         new = new[good]
         kept = len(self)

@@ -5,9 +5,12 @@ import pytest
 
 from p2gd_fgo.frontend.outliers import motion_inliers
 from p2gd_fgo.geometry import so3
+from p2gd_fgo.geometry.camera import EquidistantCamera, RadTanCamera
 from p2gd_fgo.types import BoolArray, FloatArray
 
 FOCAL = 450.0
+CAMERA = RadTanCamera(752, 480, FOCAL, FOCAL, 376.0, 240.0, 0.0, 0.0, 0.0, 0.0)
+FISHEYE = EquidistantCamera(512, 512, 191.0, 191.0, 255.0, 257.0, 3.5e-3, 7e-4, -2e-3, 2e-4)
 TURN = np.asarray(so3.exp(np.array([0.02, -0.05, 0.03])))
 
 
@@ -29,7 +32,7 @@ def _two_views(
 def _judge(
     previous: FloatArray, current: FloatArray, R: FloatArray | None, seed: int = 0
 ) -> BoolArray:
-    return motion_inliers(previous, current, R, FOCAL, 2.0, np.random.default_rng(seed))
+    return motion_inliers(previous, current, R, CAMERA, 2.0, np.random.default_rng(seed))
 
 
 MOTIONS = [(0.3, 0.0, 0.02), (0.0, 0.1, -0.6), (-0.2, 0.1, 0.4)]
@@ -99,3 +102,37 @@ def test_the_answer_does_not_depend_on_the_order_of_the_points() -> None:
     np.testing.assert_array_equal(
         forward, _judge(previous[reverse], current[reverse], TURN)[reverse]
     )
+
+
+def _fisheye_views(noise_px: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Two views through the fisheye, and the angles (N,) to its axis in the second, degrees."""
+    rng = np.random.default_rng(8)
+    pixels = rng.uniform(0.0, 511.0, (900, 2))
+    rays = np.column_stack([FISHEYE.undistort(pixels), np.ones(len(pixels))])
+    points = rays / np.linalg.norm(rays, axis=1)[:, None] * rng.uniform(2.0, 12.0, (900, 1))
+    moved = points @ TURN.T + np.array([0.2, 0.05, 0.1])
+    pixels = FISHEYE.distort(moved[:, :2] / moved[:, 2:]) + rng.normal(0.0, noise_px, (900, 2))
+    seen = FISHEYE.visible(points) & FISHEYE.visible(moved) & FISHEYE.inside(pixels)
+    seen[seen] = FISHEYE.invertible(pixels[seen])
+    current = FISHEYE.undistort(pixels[seen])
+    angles = np.degrees(np.arctan(np.linalg.norm(current, axis=1)))
+    return rays[seen, :2], current, angles
+
+
+def test_far_from_the_axis_of_a_fisheye_a_pixel_is_still_a_pixel() -> None:
+    previous, current, angles = _fisheye_views(0.5)
+    good = motion_inliers(previous, current, TURN, FISHEYE, 2.0, np.random.default_rng(0))
+    assert good[angles < 40.0].mean() > 0.99
+    assert good[(angles > 60.0) & (angles < 80.0)].mean() > 0.99
+
+
+def test_far_from_the_axis_of_a_fisheye_outliers_go() -> None:
+    previous, current, angles = _fisheye_views(0.0)
+    far = np.flatnonzero((angles > 60.0) & (angles < 75.0))[::8]
+    toward = FISHEYE.distort(current[far]) - np.array([FISHEYE.cx, FISHEYE.cy])
+    across = np.column_stack([-toward[:, 1], toward[:, 0]])
+    across *= 12.0 / np.linalg.norm(across, axis=1)[:, None]
+    current[far] = FISHEYE.undistort(FISHEYE.distort(current[far]) + across)
+    good = motion_inliers(previous, current, TURN, FISHEYE, 2.0, np.random.default_rng(0))
+    assert good[far].mean() < 0.35  # some stay near their epipolar line
+    assert np.delete(good, far).all()
