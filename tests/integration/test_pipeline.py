@@ -177,7 +177,10 @@ def test_truth_that_covers_a_part(short_demo: Path, truth: Trajectory, tmp_path:
     assert "truth_partial" in kinds(result)
     assert result.status == "done"
     assert (len(result.estimate), len(result.timing)) == (41, 71)
-    assert ate_m(result, truth) < 0.04
+    at_start = truth.T_world_imu[np.searchsorted(truth.stamps_ns, result.estimate.stamps_ns[0])]
+    np.testing.assert_allclose(result.estimate.T_world_imu[0], at_start, atol=2e-3)
+    # In motion from the first image on: over other routes of the demo 0.01 to 0.08 m.
+    assert ate_m(result, truth) < 0.06
 
 
 def test_without_truth_the_static_start_runs(

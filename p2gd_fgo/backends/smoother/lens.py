@@ -40,19 +40,19 @@ class MeasuredLens:
     ----------
     K
         GTSAM's calibration.
-    camera
-        The same lens, by which normalised coordinates become measurements.
+    stand_in
+        The camera of that lens where it isn't the true one.
     make_factor
         A track's factor of a noise model, the camera's pose on the body and GTSAM's settings.
     """
 
     K: gtsam.Cal3_S2 | gtsam.Cal3DS2 | gtsam.Cal3Fisheye
-    camera: Camera
+    stand_in: Camera | None
     make_factor: MakeFactor
 
-    def measurements(self, normalized: FloatArray) -> FloatArray:
-        """Measurements (N, 2), px, of sightings (N, 2) on the plane z = 1."""
-        return self.camera.distort(normalized)
+    def measurements(self, pixels: FloatArray, normalized: FloatArray) -> FloatArray:
+        """What factors measure (N, 2), px, of sightings in the image and on the plane z = 1."""
+        return pixels if self.stand_in is None else self.stand_in.distort(normalized)
 
 
 def measured_lens(camera: Camera) -> MeasuredLens:
@@ -65,38 +65,45 @@ def measured_lens(camera: Camera) -> MeasuredLens:
     58° off the axis); such a camera is measured without its lens.
     """
     lens = _in_gtsam(camera)
-    return lens if _is_inverted(lens, camera) else _pinhole(camera)
+    return lens if _is_inverted(lens, camera) else _undistorted(camera)
 
 
 def _in_gtsam(camera: Camera) -> MeasuredLens:
     match camera:
         case RadTanCamera(k1=0.0, k2=0.0, p1=0.0, p2=0.0, k3=0.0):
-            return _pinhole(camera)
+            return _pinhole(camera, None)
+        case RadTanCamera(k3=0.0):
+            return _radtan(camera, None)
         case RadTanCamera():
-            return _radtan(_without_k3(camera))
+            nearest = _without_k3(camera)
+            return _radtan(nearest, nearest)
         case EquidistantCamera():
             return _fisheye(camera)
         case _:
-            return _pinhole(camera)
+            return _undistorted(camera)
 
 
-def _pinhole(c: Camera) -> MeasuredLens:
+def _undistorted(c: Camera) -> MeasuredLens:
     flat = RadTanCamera(c.width, c.height, c.fx, c.fy, c.cx, c.cy, 0.0, 0.0, 0.0, 0.0)
+    return _pinhole(c, flat)
+
+
+def _pinhole(c: Camera, stand_in: Camera | None) -> MeasuredLens:
     K = gtsam.Cal3_S2(c.fx, c.fy, 0.0, c.cx, c.cy)
     return MeasuredLens(
         K,
-        flat,
+        stand_in,
         lambda noise, body_P_cam, params: gtsam.SmartProjectionPoseFactorCal3_S2(
             noise, K, body_P_cam, params
         ),
     )
 
 
-def _radtan(c: RadTanCamera) -> MeasuredLens:
+def _radtan(c: RadTanCamera, stand_in: Camera | None) -> MeasuredLens:
     K = gtsam.Cal3DS2(c.fx, c.fy, 0.0, c.cx, c.cy, c.k1, c.k2, c.p1, c.p2)
     return MeasuredLens(
         K,
-        c,
+        stand_in,
         lambda noise, body_P_cam, params: gtsam.SmartProjectionPoseFactorCal3DS2(
             noise, K, body_P_cam, params
         ),
@@ -107,7 +114,7 @@ def _fisheye(c: EquidistantCamera) -> MeasuredLens:
     K = gtsam.Cal3Fisheye(c.fx, c.fy, 0.0, c.cx, c.cy, c.k1, c.k2, c.k3, c.k4)
     return MeasuredLens(
         K,
-        c,
+        None,
         lambda noise, body_P_cam, params: gtsam.SmartProjectionPoseFactorCal3Fisheye(
             noise, K, body_P_cam, params
         ),
@@ -116,8 +123,6 @@ def _fisheye(c: EquidistantCamera) -> MeasuredLens:
 
 def _without_k3(c: RadTanCamera) -> RadTanCamera:
     """The lens with k1 and k2 alone whose radial slopes are nearest to this one's in its image."""
-    if c.k3 == 0.0:
-        return c
     r = np.linalg.norm(c.undistort(_seen_pixels(c)), axis=1)
     slopes = 3.0 * c.k1 * r**2 + 5.0 * c.k2 * r**4 + 7.0 * c.k3 * r**6
     (k1, k2), *_ = np.linalg.lstsq(np.stack([3.0 * r**2, 5.0 * r**4], axis=1), slopes)
@@ -126,9 +131,10 @@ def _without_k3(c: RadTanCamera) -> RadTanCamera:
 
 def _is_inverted(lens: MeasuredLens, camera: Camera) -> bool:
     """Whether GTSAM finds the points on z = 1 back, all over the image."""
-    normalized = camera.undistort(_seen_pixels(camera))
+    pixels = _seen_pixels(camera)
+    normalized = camera.undistort(pixels)
     try:
-        found = [lens.K.calibrate(z) for z in lens.measurements(normalized)]
+        found = [lens.K.calibrate(z) for z in lens.measurements(pixels, normalized)]
     except RuntimeError:  # what GTSAM throws when its iterations don't end
         return False
     error = np.linalg.norm(np.array(found) - normalized, axis=1)

@@ -82,7 +82,7 @@ class TrackFactors:
 
     def add(self, observations: Observations, frame: int) -> None:
         """Sightings of an image, frame being its number."""
-        measured = self._lens.measurements(observations.normalized)
+        measured = self._lens.measurements(observations.pixels, observations.normalized)
         key = X(frame)
         for track_id, z in zip(observations.ids.tolist(), measured, strict=True):
             track = self._tracks.get(track_id)

@@ -28,9 +28,8 @@ def sighting(
     point: FloatArray, frame: int, offset_px: tuple[float, float], track: int = 7
 ) -> Observations:
     x, y, z = point - [frame * STEP_M, 0.0, 0.0]
-    normalized = np.array([[x / z, y / z]]) + np.array(offset_px) / 500.0
-    pixels = np.zeros((1, 2))  # the factors live on the undistorted coordinates
-    return Observations(frame, np.array([track]), pixels, normalized)
+    pixels = CAMERA.distort(np.array([[x / z, y / z]])) + np.array(offset_px)
+    return Observations(frame, np.array([track]), pixels, CAMERA.undistort(pixels))
 
 
 def tracked(point: FloatArray, frames: int, *, offset_px: float = 0.0) -> TrackFactors:
@@ -112,10 +111,10 @@ def test_live_and_settled_tracks_are_told_apart() -> None:
 def test_a_point_that_comes_behind_a_camera_within_gtsams_tolerance_is_let_go() -> None:
     """Two sightings of a point at the second camera: GTSAM keeps it while poses move by 1e-3."""
     factors = tracked(NEAR, 3)
-    for frame, normalized in ((0, [0.25, 0.0]), (1, [0.0, 0.0])):
-        factors.add(
-            Observations(frame, np.array([8]), np.zeros((1, 2)), np.array([normalized])), frame
-        )
+    for frame, ray in ((0, [0.25, 0.0]), (1, [0.0, 0.0])):
+        normalized = np.array([ray])
+        pixels = CAMERA.distort(normalized)
+        factors.add(Observations(frame, np.array([8]), pixels, normalized), frame)
 
     def poses(forward: float) -> gtsam.Values:
         out = gtsam.Values()
