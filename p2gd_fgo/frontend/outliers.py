@@ -30,6 +30,7 @@ _REFINEMENTS = 2
 _DOUBTFUL_SHARE = 0.5  # so few inliers may mean a wrong rotation
 _FUNDAMENTAL_CONFIDENCE = 0.995
 _TINY = 1e-12
+_SINGULAR = 1e-9  # of what a pixel covers on the axis
 
 
 def motion_inliers(
@@ -63,9 +64,13 @@ def motion_inliers(
     if R_cam_prev is None:
         good = fundamental_inliers(a, b, focal_px, threshold_px)
     else:
-        good = two_point_inliers(a, b, R_cam_prev, camera.distort_jacobian(b), threshold_px, rng)
+        J = camera.distort_jacobian(b)
+        # Where the lens turns back: beyond, a pixel tells no direction.
+        singular = np.linalg.det(J) < _SINGULAR * focal_px**2
+        J[singular] = np.eye(2)
+        good = two_point_inliers(a, b, R_cam_prev, J, threshold_px, rng) & ~singular
         if good.mean() < _DOUBTFUL_SHARE:
-            other = fundamental_inliers(a, b, focal_px, threshold_px)
+            other = fundamental_inliers(a, b, focal_px, threshold_px) & ~singular
             good = other if other.sum() > good.sum() else good
     out = np.empty_like(good)
     out[order] = good

@@ -75,7 +75,8 @@ class Scene:
         new = np.flatnonzero(wanted)
         found = triangulate(buffer.normalized_history[new[:, None], columns], poses @ T_imu_cam)
         # A pixel's side on the plane z = 1, there where the newest image has the feature.
-        pixel = 1.0 / np.sqrt(np.linalg.det(camera.distort_jacobian(buffer.normalized[new])))
+        area = np.linalg.det(camera.distort_jacobian(buffer.normalized[new]))
+        pixel = 1.0 / np.sqrt(np.where(area > 0.0, area, np.inf))
         good = acceptable(
             found,
             min_views=config.min_views,

@@ -136,3 +136,14 @@ def test_far_from_the_axis_of_a_fisheye_outliers_go() -> None:
     good = motion_inliers(previous, current, TURN, FISHEYE, 2.0, np.random.default_rng(0))
     assert good[far].mean() < 0.35  # some stay near their epipolar line
     assert np.delete(good, far).all()
+
+
+def test_points_where_the_lens_has_no_inverse_are_no_inliers() -> None:
+    camera = RadTanCamera(640, 480, 200.0, 200.0, 320.0, 240.0, -0.3, 0.0, 0.0, 0.0)
+    pixels = np.random.default_rng(0).uniform([0.0, 0.0], [639.0, 479.0], (400, 2))
+    clear = camera.invertible(pixels)
+    assert 50 < clear.sum() < 350
+    points = camera.undistort(pixels)
+    good = motion_inliers(points, points, np.eye(3), camera, 2.0, np.random.default_rng(0))
+    assert good[clear].all()
+    assert not good[~clear].any()
